@@ -1,0 +1,1 @@
+//! Force-control laws for position-controlled arms, with gains a policy can move.

@@ -1,0 +1,1 @@
+//! Soft actor-critic on candle, seeded, resumable and gradient-checked.

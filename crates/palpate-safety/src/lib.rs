@@ -1,0 +1,1 @@
+//! The fail-safe layer between every command and every arm.

@@ -1,0 +1,1 @@
+//! Learned force control for position-controlled robot arms: the composition root and its command line.

@@ -1,0 +1,2 @@
+//! The `palpate` command.
+fn main() {}

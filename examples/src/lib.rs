@@ -1,0 +1,1 @@
+//! Tutorials: see the numbered programs in `examples/`.
