@@ -1,1 +1,28 @@
-//! The reinforcement-learning environment: observation, action, reward, episodes.
+//! The reinforcement-learning environment: what the policy sees, does and is paid for.
+//!
+//! [`Env`] runs the paper's two loops: a policy acts 20 times a second, and between two actions a
+//! force-control law runs at the robot's rate (500 Hz) behind the fail-safe layer. It works on any
+//! [`palpate_safety::Guarded`] robot and knows nothing of simulators.
+//!
+//! Gymnasium's vocabulary in Rust's shape: [`Env::reset`] and [`Env::step`], `terminated` against
+//! `truncated`, and a typed [`Step`] instead of an info map.
+//!
+//! # References
+//! Beltran-Hernandez et al. 2020, Sect. III.
+
+mod config;
+mod environment;
+mod episode;
+mod observation;
+mod reset;
+mod reward;
+mod scripted;
+mod task;
+
+pub use config::{ConfigError, EnvConfig, Reference, ResetConfig};
+pub use environment::{Env, EnvError, Step};
+pub use episode::{Outcome, Summary};
+pub use observation::ObservationConfig;
+pub use reward::{RewardConfig, RewardForm, RewardTerms, RewardWeights};
+pub use scripted::ScriptedPolicy;
+pub use task::{Distribution, EpisodeStart, Spread, TaskConfig};

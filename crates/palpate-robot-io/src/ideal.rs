@@ -46,6 +46,8 @@ impl IdealArm {
     const PERIOD: Duration = Duration::from_millis(2);
     /// Part of the remaining distance covered each period: a lag of about 4 ms.
     const FOLLOW: f64 = 0.4;
+    /// Remaining distance that counts as none, rad.
+    const AT_REST: f64 = 1e-6;
 
     /// An arm at rest at `q` (rad), in free air.
     pub fn at(q: JointVector) -> Self {
@@ -107,6 +109,11 @@ impl RobotBackend for IdealArm {
 
     fn tare(&mut self) -> Result<(), Self::Error> {
         self.tare = self.load;
+        // The lag only ever approaches the set-point: land on it, so that what follows is exact.
+        if (self.q_target - self.q).amax() < Self::AT_REST {
+            self.q = self.q_target;
+            self.dq.fill(0.0);
+        }
         Ok(())
     }
 }

@@ -1,1 +1,16 @@
-//! Learned force control for position-controlled robot arms: the composition root and its command line.
+//! Learned force control for position-controlled robot arms: the composition root.
+//!
+//! Everything below meets here: the simulated arm, the fail-safe layer, the environment and the
+//! learner are built from one resolved [`Config`], trained by [`train::run`], measured by
+//! [`evaluate::run`] and drawn by [`plot::run`]. The `palpate` binary is a thin command line over these.
+
+pub mod baselines;
+pub mod config;
+pub mod evaluate;
+pub mod interrupt;
+pub mod plot;
+pub mod stack;
+pub mod train;
+mod progress;
+
+pub use config::Config;

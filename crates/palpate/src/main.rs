@@ -1,2 +1,163 @@
 //! The `palpate` command.
-fn main() {}
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+use palpate::config::Choice;
+use palpate::{evaluate, interrupt, plot, train};
+
+/// Teach a position-controlled robot arm to feel its way.
+///
+/// Reinforcement learning picks, 20 times a second, a motion command and the gains of a 500 Hz force
+/// controller, while a fail-safe layer stands between every command and the arm.
+#[derive(Debug, Parser)]
+#[command(name = "palpate", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Train a policy in simulation.
+    ///
+    /// Without arguments: policy model P-14 on the peg insertion (1 mm clearance, uncertain start and
+    /// goal), 20 000 steps. Ctrl-C once finishes the episode and writes a checkpoint that --resume continues;
+    /// twice stops at once.
+    TrainSim(TrainSim),
+    /// Measure a trained policy on fresh episodes, beside three baselines on the same ones.
+    ///
+    /// Shows the last policy and the kept one (the best of the evaluations during training), and: a = 0 (the
+    /// force controller alone), uniform random actions, and a scripted align–descend–spiral.
+    Evaluate(Evaluate),
+    /// Draw learning curves (SVG) of one or more runs.
+    ///
+    /// Runs that differ only in their seed are drawn as one curve: mean and spread.
+    Plot(Plot),
+}
+
+#[derive(Debug, Args)]
+struct TrainSim {
+    /// Settings to start from: `palpate` (measured to learn) or `paper` (as printed).
+    #[arg(long, default_value = "palpate")]
+    preset: String,
+    /// Task: a name from assets/tasks.
+    #[arg(long, default_value = "peg-insertion")]
+    task: String,
+    /// Policy model: P-9, P-14, P-19, P-24 (parallel position/force), A-8, A-13, A-13pd, A-18 (admittance).
+    #[arg(long, default_value = "P-14")]
+    model: String,
+    /// TOML file whose keys override the preset's.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Override one key, e.g. --set sac.gamma=0.95 --set task.distribution=fixed. May be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// No reward penalty for exceeding the force limit (κ = 0 instead of −10).
+    #[arg(long)]
+    no_penalty: bool,
+    /// Seed of every random number of the run.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Environment steps (20 per second of robot time). The run ends with the episode that reaches them.
+    #[arg(long)]
+    steps: Option<u64>,
+    /// Run directory to create. Default: runs/DATE_TIME_TASK_MODEL_sSEED.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Continue a run from its last checkpoint, exactly; --steps may extend it.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "seed", "out"])]
+    resume: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct Evaluate {
+    /// Run directory.
+    run: PathBuf,
+    /// Episodes per policy.
+    #[arg(long, default_value_t = 100)]
+    episodes: u64,
+    /// Seed of the episodes; the default is never used in training.
+    #[arg(long, default_value_t = evaluate::DEFAULT_SEED)]
+    seed: u64,
+    /// Change the conditions, e.g. --set sim.friction=0.5. May be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Sample the policy's actions instead of taking their mean.
+    #[arg(long)]
+    stochastic: bool,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct Plot {
+    /// Run directories.
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// Folder for the SVG files. Default: plots/ in the first run.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Weight of an exponential moving average over the curves (the paper: 0.6).
+    #[arg(long, default_value_t = 0.0)]
+    ema: f64,
+}
+
+fn main() -> ExitCode {
+    tracing_subscriber::fmt()
+        .with_env_filter(
+            tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "warn".into()),
+        )
+        .with_writer(std::io::stderr)
+        .init();
+    let cli = Cli::parse();
+    match run(cli.command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            use std::io::Write as _;
+            let _ = writeln!(std::io::stderr(), "error: {e:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<()> {
+    interrupt::install()?;
+    match command {
+        Command::TrainSim(args) => match &args.resume {
+            Some(dir) => train::resume(dir, args.steps),
+            None => train::start(&args.choice(), args.out.as_deref()),
+        },
+        Command::Evaluate(args) => evaluate::command(
+            &args.run,
+            &evaluate::Options {
+                episodes: args.episodes,
+                seed: args.seed,
+                set: args.set,
+                stochastic: args.stochastic,
+            },
+            args.json,
+        ),
+        Command::Plot(args) => plot::run(&args.runs, args.out.as_deref(), args.ema),
+    }
+}
+
+impl TrainSim {
+    fn choice(&self) -> Choice {
+        let mut set = self.set.clone();
+        set.extend(self.seed.map(|seed| format!("run.seed={seed}")));
+        set.extend(self.steps.map(|steps| format!("run.steps={steps}")));
+        if self.no_penalty {
+            set.push("reward.violation=0.0".into());
+        }
+        Choice {
+            preset: self.preset.clone(),
+            task: self.task.clone(),
+            model: self.model.clone(),
+            file: self.config.clone(),
+            set,
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! The environment itself: a 20 Hz step around a 500 Hz loop.
+
+use palpate_control::{ActionMap, ControlConfig, ControlError, ControlInput, Controller, ForceController, PolicyModel};
+use palpate_kinematics::IkError;
+use palpate_robot_io::FaultKind;
+use palpate_safety::{Excess, Guarded, Measurement, Refusal, Verdict};
+use palpate_spatial::{Pose, Vector6, integrate, pose_error_vector_part};
+
+use crate::config::{ConfigError, EnvConfig, Reference};
+use crate::episode::{Episode, Outcome, Summary};
+use crate::observation::Observer;
+use crate::reset::drive_to_start;
+use crate::reward::{End, Parts, RewardConfig, RewardTerms};
+use crate::task::TaskConfig;
+
+/// Tries to get back to the start after a simulator fault before giving up.
+const RESET_TRIES: u32 = 3;
+
+/// What one action led to. The observation is [`Env::observation`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// The reward, term by term.
+    pub reward: RewardTerms,
+    /// The task ended here: success or collision. Do not bootstrap.
+    pub terminated: bool,
+    /// The episode was cut here: time limit or fault. Bootstrap.
+    pub truncated: bool,
+    /// The finished episode, on its last step.
+    pub summary: Option<Summary>,
+}
+
+/// An error of the environment; `E` is the robot's.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EnvError<E: std::error::Error + 'static> {
+    /// The robot failed.
+    #[error(transparent)]
+    Robot(E),
+    /// The action was refused (wrong length, not finite).
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// A setting makes no sense.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The start pose of an episode has no joint solution near `task.q_home`.
+    #[error("the episode's start pose cannot be reached from task.q_home: {0}")]
+    StartUnreachable(IkError),
+    /// The way back to the start pressed too hard.
+    #[error("the way back to the start is blocked: {0}")]
+    ResetForce(Excess),
+    /// The way back to the start was refused.
+    #[error("the way back to the start was refused: {0}")]
+    ResetRefused(Refusal),
+    /// `step` was called before `reset` or after the episode's end.
+    #[error("no episode is under way: call reset first")]
+    NoEpisode,
+}
+
+/// The paper's environment on any guarded robot.
+#[derive(Debug)]
+pub struct Env<R: Guarded> {
+    robot: R,
+    config: EnvConfig,
+    task: TaskConfig,
+    reward: RewardConfig,
+    actions: ActionMap,
+    controller: Controller,
+    observer: Observer,
+    ticks_per_step: u32,
+    seed: u64,
+    next_episode: u64,
+    faults: u64,
+    episode: Option<Episode>,
+}
+
+impl<R: Guarded> Env<R> {
+    /// Builds an environment whose episodes are drawn from `seed`.
+    ///
+    /// # Errors
+    /// A setting or gain range that makes no sense, by name.
+    pub fn new(
+        robot: R,
+        config: EnvConfig,
+        task: TaskConfig,
+        reward: RewardConfig,
+        control: &ControlConfig,
+        model: &PolicyModel,
+        seed: u64,
+    ) -> Result<Self, EnvError<R::Error>> {
+        let ticks_per_step = config.validate(robot.period().as_secs_f64())?;
+        task.validate()?;
+        let actions = ActionMap::new(model)?;
+        let controller = Controller::new(control, model.law)?;
+        let limits = robot.limits();
+        let observer = Observer::new(&config.observation, limits.force_max, limits.torque_max, actions.dim());
+        Ok(Self {
+            robot,
+            config,
+            task,
+            reward,
+            actions,
+            controller,
+            observer,
+            ticks_per_step,
+            seed,
+            next_episode: 0,
+            faults: 0,
+            episode: None,
+        })
+    }
+
+    /// Length of an observation.
+    pub fn observation_dim(&self) -> usize {
+        self.observer.dim()
+    }
+
+    /// Length of an action; every component lies in [−1, 1].
+    pub fn action_dim(&self) -> usize {
+        self.actions.dim()
+    }
+
+    /// What the policy sees now.
+    pub fn observation(&self) -> &[f32] {
+        self.observer.observation()
+    }
+
+    /// The task.
+    pub fn task(&self) -> &TaskConfig {
+        &self.task
+    }
+
+    /// The robot, to look at.
+    pub fn robot(&self) -> &R {
+        &self.robot
+    }
+
+    /// Simulator faults so far; each truncated an episode.
+    pub fn faults(&self) -> u64 {
+        self.faults
+    }
+
+    /// The latest sample of the episode under way.
+    pub fn measurement(&self) -> Option<&Measurement> {
+        self.episode.as_ref().map(|e| &e.measurement)
+    }
+
+    /// x_e against the believed goal, base axes, of the episode under way.
+    pub fn believed_error(&self) -> Option<Vector6> {
+        let e = self.episode.as_ref()?;
+        Some(pose_error_vector_part(&e.start.base_T_believed, &e.measurement.base_T_tool))
+    }
+
+    /// Number of the episode that the next [`reset`](Self::reset) starts.
+    pub fn next_episode(&self) -> u64 {
+        self.next_episode
+    }
+
+    /// Makes the next reset start this episode: for evaluation on frozen starts and for resuming.
+    pub fn set_next_episode(&mut self, episode: u64) {
+        self.next_episode = episode;
+    }
+
+    /// Brings the arm to rest.
+    pub fn stop(&mut self) -> Result<(), EnvError<R::Error>> {
+        self.robot.stop().map_err(EnvError::Robot)
+    }
+
+    /// Drives back to the start of the next episode.
+    pub fn reset(&mut self) -> Result<(), EnvError<R::Error>> {
+        let number = self.next_episode;
+        let start = self.task.draw(self.seed, number);
+        let mut tries = 0;
+        let measurement = loop {
+            tries += 1;
+            let way = drive_to_start(
+                &mut self.robot,
+                &self.config.reset,
+                &self.task.base_T_hole(),
+                &start.base_T_start,
+                &self.task.q_home,
+            );
+            match way {
+                Ok(measurement) => break measurement,
+                Err(EnvError::Robot(e)) if R::fault(&e) == Some(FaultKind::Simulation) && tries < RESET_TRIES => {
+                    self.faults += 1;
+                    tracing::warn!(episode = number, error = %e, "simulator fault during reset; rebuilding");
+                    self.robot.recover().map_err(EnvError::Robot)?;
+                }
+                Err(e) => return Err(e),
+            }
+        };
+        let error = pose_error_vector_part(&start.base_T_believed, &measurement.base_T_tool);
+        // The reference starts at the set-point, which the lagging arm is on its way to.
+        let reference = self.robot.chain().forward(&measurement.state.q_target);
+        self.controller.reset();
+        self.observer.reset();
+        self.observer.look(&measurement, &start.base_T_believed, &[]);
+        self.episode = Some(Episode::new(
+            number,
+            start,
+            reference,
+            self.reward.scale(&error),
+            measurement,
+            self.robot.tally(),
+        ));
+        self.next_episode += 1;
+        Ok(())
+    }
+
+    /// Holds `action` for one policy period.
+    ///
+    /// # Errors
+    /// A refused action, a failed robot, or no episode under way. A simulator fault is not an error: it
+    /// truncates the episode, rebuilds the world and is counted.
+    pub fn step(&mut self, action: &[f64]) -> Result<Step, EnvError<R::Error>> {
+        let decoded = self.actions.decode(action)?;
+        self.controller.set_gains(&decoded.gains)?;
+        let mut episode = self.episode.take().filter(|e| !e.over).ok_or(EnvError::NoEpisode)?;
+        episode.steps += 1;
+        let dt = self.robot.period().as_secs_f64();
+        let mut end = None;
+        for _ in 0..self.ticks_per_step {
+            let m = episode.measurement;
+            let input = ControlInput {
+                pose_error: pose_error_vector_part(&episode.start.base_T_believed, &m.base_T_tool),
+                wrench: m.wrench,
+                action: decoded.motion,
+            };
+            let twist = self.controller.update(&input, dt);
+            let from = match self.config.reference {
+                Reference::Integrated => episode.reference,
+                Reference::Measured => m.base_T_tool,
+            };
+            let x_c = integrate(&from, &twist, dt);
+            match self.robot.command(&x_c).map_err(EnvError::Robot)? {
+                Verdict::Accepted => episode.reference = x_c,
+                Verdict::Refused(_) => self.controller.command_refused(),
+                Verdict::ForceExceeded(_) => {
+                    end = Some(End::Violation);
+                    break;
+                }
+            }
+            match self.robot.sense() {
+                Ok(sample) => episode.observe(sample),
+                Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => return self.faulted(episode, &e),
+                Err(e) => return Err(EnvError::Robot(e)),
+            }
+        }
+        let distance = self.true_distance(&episode.measurement.base_T_tool);
+        if end.is_none() && distance < self.task.success_distance {
+            end = Some(End::Success);
+        }
+        self.observer.look(&episode.measurement, &episode.start.base_T_believed, action);
+        let limits = self.robot.limits();
+        let reward = self.reward.terms(&Parts {
+            error: pose_error_vector_part(&episode.start.base_T_believed, &episode.measurement.base_T_tool),
+            scale: episode.error_scale,
+            action,
+            wrench: episode.measurement.wrench,
+            force_max: limits.force_max,
+            torque_max: limits.torque_max,
+            end,
+        });
+        let truncated = end.is_none() && episode.steps >= self.config.max_steps;
+        let outcome = match end {
+            Some(End::Success) => Some(Outcome::Success),
+            Some(End::Violation) => Some(Outcome::Collision),
+            None if truncated => Some(Outcome::TimeLimit),
+            None => None,
+        };
+        Ok(self.finish(episode, reward, outcome, truncated))
+    }
+
+    fn finish(&mut self, mut episode: Episode, reward: RewardTerms, outcome: Option<Outcome>, truncated: bool) -> Step {
+        episode.total_reward += reward.total();
+        let distance = self.true_distance(&episode.measurement.base_T_tool);
+        let summary =
+            outcome.map(|o| episode.summary(o, self.robot.period().as_secs_f64(), distance, self.robot.tally()));
+        episode.over = outcome.is_some();
+        let terminated = outcome.is_some() && !truncated;
+        self.episode = Some(episode);
+        Step { reward, terminated, truncated, summary }
+    }
+
+    /// Ends the episode where the simulator broke down; the observation stays the last good one.
+    fn faulted(&mut self, episode: Episode, error: &R::Error) -> Result<Step, EnvError<R::Error>> {
+        self.faults += 1;
+        tracing::warn!(episode = episode.number, %error, "simulator fault; episode truncated, world rebuilt");
+        self.robot.recover().map_err(EnvError::Robot)?;
+        Ok(self.finish(episode, RewardTerms::default(), Some(Outcome::Fault), true))
+    }
+
+    fn true_distance(&self, base_T_tool: &Pose) -> f64 {
+        (self.task.base_T_goal().translation.vector - base_T_tool.translation.vector).norm()
+    }
+}

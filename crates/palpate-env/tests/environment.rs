@@ -1,0 +1,150 @@
+//! The environment on an ideal arm in free air: loops, episodes, draws and endings.
+
+use palpate_control::{ControlConfig, PolicyModel};
+use palpate_env::{Distribution, Env, EnvConfig, EnvError, Outcome, RewardConfig, TaskConfig};
+use palpate_kinematics::SerialChain;
+use palpate_robot_io::IdealArm;
+use palpate_safety::{Safe, SafetyConfig};
+use palpate_spatial::{Pose, UnitQuaternion, Vector3};
+
+#[derive(serde::Deserialize)]
+struct Preset {
+    control: ControlConfig,
+    safety: SafetyConfig,
+    env: EnvConfig,
+    reward: RewardConfig,
+}
+
+#[derive(serde::Deserialize)]
+struct Task {
+    task: TaskConfig,
+}
+
+const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets");
+
+fn read(path: &str) -> String {
+    std::fs::read_to_string(format!("{ASSETS}/{path}")).unwrap()
+}
+
+fn env(seed: u64, change: impl FnOnce(&mut EnvConfig, &mut TaskConfig)) -> Env<Safe<IdealArm>> {
+    let mut preset: Preset = toml::from_str(&read("presets/palpate.toml")).unwrap();
+    let mut task = toml::from_str::<Task>(&read("tasks/peg-insertion.toml")).unwrap().task;
+    change(&mut preset.env, &mut task);
+    let model: PolicyModel = toml::from_str(&read("policies/p-14.toml")).unwrap();
+    let chain = SerialChain::from_urdf_file(format!("{ASSETS}/robots/ur3e.urdf"), "base_link", "tool0").unwrap();
+    let tool0_T_tool = Pose::from_parts(Vector3::new(0.0, 0.0, 0.15).into(), UnitQuaternion::identity());
+    let robot = Safe::new(IdealArm::at(task.q_home), chain, tool0_T_tool, preset.safety).unwrap();
+    Env::new(robot, preset.env, task, preset.reward, &preset.control, &model, seed).unwrap()
+}
+
+fn fixed(_: &mut EnvConfig, task: &mut TaskConfig) {
+    task.distribution = Distribution::Fixed;
+}
+
+#[test]
+fn reset_reaches_the_drawn_start_and_the_first_reward_scale_is_the_start_error() {
+    let mut env = env(3, |_, _| {});
+    for episode in 0..5 {
+        env.reset().unwrap();
+        let start = env.task().draw(3, episode).base_T_start;
+        let tool = env.measurement().unwrap().base_T_tool;
+        assert!((tool.translation.vector - start.translation.vector).norm() < 1e-6);
+        assert!(tool.rotation.angle_to(&start.rotation) < 1e-6);
+        assert_eq!(env.observation().len(), 18);
+        assert!(env.observation().iter().all(|x| x.abs() < 3.0), "order one: {:?}", env.observation());
+    }
+}
+
+#[test]
+fn position_control_alone_carries_a_tool_through_free_air_to_the_goal() {
+    let mut env = env(1, fixed);
+    env.reset().unwrap();
+    let summary = loop {
+        let step = env.step(&[0.0; 14]).unwrap();
+        if let Some(summary) = step.summary {
+            assert!(step.terminated && !step.truncated);
+            assert!(step.reward.terminal > 100.0);
+            break summary;
+        }
+    };
+    assert_eq!(summary.outcome, Outcome::Success);
+    assert!(summary.final_distance < 0.004);
+    assert_eq!(summary.seconds, f64::from(summary.steps) * 0.05);
+    assert!(matches!(env.step(&[0.0; 14]), Err(EnvError::NoEpisode)), "the episode is over");
+}
+
+#[test]
+fn the_time_limit_truncates_and_does_not_terminate() {
+    let mut env = env(1, |config, task| {
+        fixed(config, task);
+        config.max_steps = 5;
+    });
+    env.reset().unwrap();
+    for _ in 0..4 {
+        let step = env.step(&[0.0; 14]).unwrap();
+        assert!(!step.terminated && !step.truncated && step.summary.is_none());
+    }
+    let last = env.step(&[0.0; 14]).unwrap();
+    assert!(last.truncated && !last.terminated);
+    assert_eq!(last.summary.unwrap().outcome, Outcome::TimeLimit);
+}
+
+#[test]
+fn a_bad_action_is_refused_and_the_episode_goes_on() {
+    let mut env = env(1, fixed);
+    env.reset().unwrap();
+    assert!(env.step(&[0.0; 13]).is_err());
+    let mut action = [0.0; 14];
+    action[7] = f64::NAN;
+    assert!(env.step(&action).is_err());
+    assert!(env.step(&[0.0; 14]).is_ok());
+}
+
+#[test]
+fn motion_actions_move_the_tool_the_way_they_point() {
+    let mut env = env(1, fixed);
+    env.reset().unwrap();
+    let before = env.measurement().unwrap().base_T_tool.translation.vector;
+    let mut still = self::env(1, fixed);
+    still.reset().unwrap();
+    let mut action = [0.0; 14];
+    action[1] = 1.0;
+    env.step(&action).unwrap();
+    still.step(&[0.0; 14]).unwrap();
+    let moved = env.measurement().unwrap().base_T_tool.translation.vector - before;
+    let alone = still.measurement().unwrap().base_T_tool.translation.vector - before;
+    // a_x = 20 mm/s along base y for 50 ms, less the lag.
+    let by = (moved - alone).y;
+    assert!(by > 0.8e-3 && by <= 1.0e-3, "{by}");
+}
+
+#[test]
+fn draws_depend_on_seed_and_episode_alone() {
+    let task = env(1, |_, _| {}).task().clone();
+    assert_eq!(task.draw(5, 7), task.draw(5, 7));
+    assert_ne!(task.draw(5, 7), task.draw(5, 8));
+    assert_ne!(task.draw(5, 7), task.draw(6, 7));
+    let nominal = task.base_T_goal().translation.vector;
+    let mut widest = Vector3::zeros();
+    for episode in 0..500 {
+        let offset = (task.draw(5, episode).base_T_believed.translation.vector - nominal).abs();
+        widest = widest.sup(&offset);
+    }
+    // The hole's x and y are base y and x here; ±1 mm, ±0.5 mm along the axis.
+    assert!(widest.x <= 1.0e-3 && widest.x > 0.9e-3, "{widest}");
+    assert!(widest.z <= 0.5e-3 && widest.z > 0.45e-3, "{widest}");
+}
+
+#[test]
+fn the_same_episode_is_bitwise_the_same_whatever_came_before() {
+    let run = |env: &mut Env<Safe<IdealArm>>| {
+        env.set_next_episode(9);
+        env.reset().unwrap();
+        (0..10).map(|_| env.step(&[0.3; 14]).unwrap().reward.total()).collect::<Vec<_>>()
+    };
+    let mut fresh = env(4, |_, _| {});
+    let mut used = env(4, |_, _| {});
+    used.reset().unwrap();
+    used.step(&[-1.0; 14]).unwrap();
+    assert_eq!(run(&mut fresh), run(&mut used));
+}

@@ -1,0 +1,192 @@
+//! One resolved configuration: preset + task + policy model + file + overrides.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use palpate_control::{ControlConfig, PolicyModel};
+use palpate_env::{EnvConfig, RewardConfig, TaskConfig};
+use palpate_runs::config::{Layer, nearest, parse, resolve};
+use palpate_sac::SacConfig;
+use palpate_safety::SafetyConfig;
+use palpate_sim::SimConfig;
+
+macro_rules! assets {
+    ($folder:literal, $extension:literal: $($name:literal),+ $(,)?) => {
+        &[$(($name, include_str!(concat!("../../../assets/", $folder, "/", $name, ".", $extension)))),+]
+    };
+}
+
+/// Named texts compiled into the binary.
+pub type Assets = &'static [(&'static str, &'static str)];
+
+/// Presets, by name.
+pub const PRESETS: Assets = assets!("presets", "toml": "palpate", "paper");
+/// Tasks, by name.
+pub const TASKS: Assets = assets!("tasks", "toml": "peg-insertion");
+/// Policy models, by name.
+pub const MODELS: Assets =
+    assets!("policies", "toml": "p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18");
+/// Robot descriptions, by name.
+pub const ROBOTS: Assets = assets!("robots", "urdf": "ur3e", "ur5e", "ur10e");
+
+/// Everything a run depends on.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Length, seed and rhythm of the run.
+    pub run: RunConfig,
+    /// The arm.
+    pub robot: RobotConfig,
+    /// The task.
+    pub task: TaskConfig,
+    /// Which gains the policy moves.
+    pub policy: PolicyModel,
+    /// The control laws.
+    pub control: ControlConfig,
+    /// The fail-safe layer.
+    pub safety: SafetyConfig,
+    /// The environment.
+    pub env: EnvConfig,
+    /// The reward.
+    pub reward: RewardConfig,
+    /// The learner.
+    pub sac: SacConfig,
+    /// The simulator.
+    pub sim: SimConfig,
+}
+
+/// Length, seed and rhythm of a run.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunConfig {
+    /// Every random number of the run comes from it.
+    pub seed: u64,
+    /// Environment steps.
+    pub steps: u64,
+    /// Steps between evaluations.
+    pub evaluate_every: u64,
+    /// Episodes per evaluation.
+    pub evaluate_episodes: u64,
+    /// Steps between checkpoints.
+    pub checkpoint_every: u64,
+    /// Steps between rows of metrics.csv.
+    pub log_every: u64,
+}
+
+/// The arm.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotConfig {
+    /// A built-in name or a path to a URDF file.
+    pub urdf: String,
+    /// Base link.
+    pub base_link: String,
+    /// Link that carries the force/torque sensor and the tool.
+    pub tip_link: String,
+    /// Tool centre point in tip axes, m.
+    pub tcp: [f64; 3],
+}
+
+/// What the command line says about the configuration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Choice {
+    /// Preset name.
+    pub preset: String,
+    /// Task name.
+    pub task: String,
+    /// Policy model name.
+    pub model: String,
+    /// A TOML file with keys that override the preset.
+    pub file: Option<PathBuf>,
+    /// `key.path=value` overrides; they win over the file.
+    pub set: Vec<String>,
+}
+
+impl Config {
+    /// Resolves a choice.
+    pub fn load(choice: &Choice) -> anyhow::Result<Self> {
+        let policy = format!("[policy]\n{}", nest(asset("policy model", MODELS, &choice.model)?, "policy"));
+        let base = Layer {
+            name: format!("preset {} + task {} + model {}", choice.preset, choice.task, choice.model),
+            text: format!(
+                "{}\n{}\n{policy}",
+                asset("preset", PRESETS, &choice.preset)?,
+                asset("task", TASKS, &choice.task)?
+            ),
+        };
+        let mut layers = Vec::new();
+        if let Some(path) = &choice.file {
+            let text =
+                std::fs::read_to_string(path).with_context(|| format!("cannot read the config file {}", path.display()))?;
+            layers.push(Layer { name: path.display().to_string(), text });
+        }
+        let table = resolve(&base, &layers, &choice.set, &["policy"])?;
+        let config: Self = parse(table)?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Reads the resolved configuration of a run, changed by `set`.
+    pub fn of_run(dir: &Path, set: &[String]) -> anyhow::Result<Self> {
+        let path = dir.join("config.toml");
+        let text =
+            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}: is this a run?", path.display()))?;
+        let table = resolve(&Layer { name: path.display().to_string(), text }, &[], set, &["policy"])?;
+        let config: Self = parse(table)?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// The configuration as TOML, every key stated.
+    pub fn to_toml(&self) -> anyhow::Result<String> {
+        toml::to_string(self).context("cannot write the configuration as TOML")
+    }
+
+    fn validate(&self) -> anyhow::Result<()> {
+        for (key, value) in [
+            ("run.steps", self.run.steps),
+            ("run.evaluate_every", self.run.evaluate_every),
+            ("run.evaluate_episodes", self.run.evaluate_episodes),
+            ("run.checkpoint_every", self.run.checkpoint_every),
+            ("run.log_every", self.run.log_every),
+        ] {
+            if value == 0 {
+                bail!("{key} is 0, but it must be positive");
+            }
+        }
+        self.policy.validate(&self.control)?;
+        self.sac.validate()?;
+        self.sim.validate()?;
+        let tip = self.robot.tcp;
+        if tip[0] != 0.0 || tip[1] != 0.0 || (tip[2] - self.sim.tool.length).abs() > 1e-12 {
+            bail!(
+                "robot.tcp is {tip:?}, but the simulated tool is sim.tool.length = {} m long: the tool centre point must be its tip",
+                self.sim.tool.length
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Finds a named text, or says which exist.
+pub fn asset(kind: &str, assets: Assets, name: &str) -> anyhow::Result<&'static str> {
+    let wanted = name.to_lowercase();
+    if let Some((_, text)) = assets.iter().find(|(n, _)| *n == wanted) {
+        return Ok(text);
+    }
+    let names: Vec<&str> = assets.iter().map(|(n, _)| *n).collect();
+    match nearest(&wanted, names.iter().copied()) {
+        Some(near) => bail!("there is no {kind} `{name}`; did you mean `{near}`? There are: {}", names.join(", ")),
+        None => bail!("there is no {kind} `{name}`. There are: {}", names.join(", ")),
+    }
+}
+
+/// Puts a text's tables below `parent`: `[gains.force]` becomes `[parent.gains.force]`.
+fn nest(text: &str, parent: &str) -> String {
+    text.lines()
+        .map(|line| match line.strip_prefix('[') {
+            Some(rest) if !line.starts_with("[[") => format!("[{parent}.{rest}\n"),
+            _ => format!("{line}\n"),
+        })
+        .collect()
+}

@@ -1,0 +1,194 @@
+//! `evaluate`: what the policy does on fresh episodes, beside three baselines on the same ones.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::Context as _;
+use palpate_env::{Outcome, Summary};
+use palpate_runs::stats::clopper_pearson;
+use palpate_sac::Policy;
+use palpate_safety::Tally;
+
+use crate::baselines::Actor;
+use crate::stack::{Purpose, SimEnv, sim_env};
+use crate::{Config, interrupt};
+
+/// Seed of the episodes when none is given: fresh ones, the same for every run.
+pub const DEFAULT_SEED: u64 = 1000;
+
+/// What to evaluate.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Episodes per policy.
+    pub episodes: u64,
+    /// Seed of the episodes.
+    pub seed: u64,
+    /// `key.path=value` changes to the run's configuration (another friction, another clearance, …).
+    pub set: Vec<String>,
+    /// Sample actions instead of taking the mean.
+    pub stochastic: bool,
+}
+
+/// One policy on all episodes.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Row {
+    /// Which policy.
+    pub policy: String,
+    /// Episodes run.
+    pub episodes: usize,
+    /// Episodes that reached the goal.
+    pub successes: usize,
+    /// successes / episodes.
+    pub success_rate: f64,
+    /// Clopper-Pearson interval of the success rate, 95 %.
+    pub success_interval: (f64, f64),
+    /// Episodes ended by the force limit.
+    pub collisions: usize,
+    /// Mean sum of rewards.
+    pub mean_return: f64,
+    /// Mean actions per episode.
+    pub mean_steps: f64,
+    /// Median time of the successful episodes, s.
+    pub median_seconds: Option<f64>,
+    /// Mean over episodes of the mean contact force, N.
+    pub mean_force: f64,
+    /// Median over episodes of the peak contact force, N.
+    pub median_peak_force: f64,
+    /// Largest contact force of all, N.
+    pub max_peak_force: f64,
+    /// Refused commands and force stops by cause, control ticks.
+    pub tally: Tally,
+    /// Episodes cut by a simulator fault.
+    pub faults: usize,
+}
+
+/// Evaluates the last and the kept policy of a run and the baselines.
+pub fn run(dir: &Path, options: &Options, mut progress: impl FnMut(&str, u64)) -> anyhow::Result<Vec<Row>> {
+    let config = Config::of_run(dir, &options.set)?;
+    let mut env = sim_env(&config, options.seed, Purpose::Evaluate)?;
+    let dim = env.action_dim();
+    let mut actors = Vec::new();
+    for (name, folder) in [("learned (last)", palpate_runs::LAST), ("learned (kept)", palpate_runs::BEST)] {
+        if let Some(path) = palpate_runs::CheckpointStore::open(dir)?.find(folder)? {
+            let policy = Policy::load(&path).with_context(|| format!("cannot load the policy in {}", path.display()))?;
+            check_shape(&policy, &env)?;
+            actors.push((name, Actor::learned(policy, options.stochastic.then_some(options.seed))));
+        }
+    }
+    if actors.is_empty() {
+        anyhow::bail!("{} holds no checkpoint yet: train for longer, or resume it", dir.display());
+    }
+    actors.push(("a = 0", Actor::zero(dim)));
+    actors.push(("uniform random", Actor::random(dim, options.seed)));
+    actors.push(("scripted", Actor::scripted(&config, dim)));
+    let mut rows = Vec::new();
+    for (name, mut actor) in actors {
+        let summaries = rollouts(&mut env, &mut actor, options.episodes, |n| progress(name, n))?;
+        rows.push(Row::new(name, &summaries));
+    }
+    Ok(rows)
+}
+
+/// Runs episodes 0 … n−1 with one policy. An interrupt ends it early, at an episode's end.
+pub fn rollouts(
+    env: &mut SimEnv,
+    actor: &mut Actor,
+    episodes: u64,
+    mut done: impl FnMut(u64),
+) -> anyhow::Result<Vec<Summary>> {
+    let mut summaries = Vec::with_capacity(episodes as usize);
+    for episode in 0..episodes {
+        env.set_next_episode(episode);
+        env.reset()?;
+        actor.reset(episode);
+        loop {
+            let action = actor.act(env).to_vec();
+            if let Some(summary) = env.step(&action)?.summary {
+                summaries.push(summary);
+                break;
+            }
+        }
+        done(episode + 1);
+        if interrupt::requested() {
+            break;
+        }
+    }
+    Ok(summaries)
+}
+
+fn check_shape(policy: &Policy, env: &SimEnv) -> anyhow::Result<()> {
+    let (have, want) =
+        ((policy.observation_dim(), policy.action_dim()), (env.observation_dim(), env.action_dim()));
+    if have != want {
+        anyhow::bail!(
+            "the policy maps {} observations to {} actions, but this configuration has {} and {}: do not change env.observation or policy with --set",
+            have.0, have.1, want.0, want.1
+        );
+    }
+    Ok(())
+}
+
+impl Row {
+    fn new(policy: &str, summaries: &[Summary]) -> Self {
+        let count = |o: Outcome| summaries.iter().filter(|s| s.outcome == o).count();
+        let mean = |f: fn(&Summary) -> f64| summaries.iter().map(f).sum::<f64>() / summaries.len().max(1) as f64;
+        let successes = count(Outcome::Success);
+        let mut tally = Tally::default();
+        for s in summaries {
+            tally += s.tally;
+        }
+        let times: Vec<f64> = summaries.iter().filter(|s| s.outcome == Outcome::Success).map(|s| s.seconds).collect();
+        let peaks: Vec<f64> = summaries.iter().map(|s| s.peak_force).collect();
+        Self {
+            policy: policy.into(),
+            episodes: summaries.len(),
+            successes,
+            success_rate: successes as f64 / summaries.len().max(1) as f64,
+            success_interval: clopper_pearson(successes as u64, summaries.len() as u64, 0.95),
+            collisions: count(Outcome::Collision),
+            mean_return: mean(|s| s.total_reward),
+            mean_steps: mean(|s| f64::from(s.steps)),
+            median_seconds: median(times),
+            mean_force: mean(|s| s.mean_force),
+            median_peak_force: median(peaks.clone()).unwrap_or(0.0),
+            max_peak_force: peaks.into_iter().fold(0.0, f64::max),
+            tally,
+            faults: count(Outcome::Fault),
+        }
+    }
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    match n {
+        0 => None,
+        _ if n % 2 == 1 => Some(values[n / 2]),
+        _ => Some(f64::midpoint(values[n / 2 - 1], values[n / 2])),
+    }
+}
+
+/// The rows as a table for people.
+pub fn table(rows: &[Row]) -> String {
+    let mut out = String::from(
+        "policy           success (95 % interval)   return  steps  median s  force mean / peak median / max N  collisions  refused ik / speed\n",
+    );
+    for r in rows {
+        let seconds = r.median_seconds.map_or_else(|| "–".into(), |s| format!("{s:.2}"));
+        let success = format!(
+            "{:>3}/{} ({:.0}–{:.0} %)",
+            r.successes,
+            r.episodes,
+            100.0 * r.success_interval.0,
+            100.0 * r.success_interval.1
+        );
+        let force = format!("{:.1} / {:.1} / {:.1}", r.mean_force, r.median_peak_force, r.max_peak_force);
+        let refused = format!("{} / {}", r.tally.no_ik, r.tally.joint_speed);
+        let _ = writeln!(
+            out,
+            "{:<16} {success:<24} {:>7.1} {:>6.1}  {seconds:>8}  {force:<33} {:>10}  {refused}",
+            r.policy, r.mean_return, r.mean_steps, r.collisions
+        );
+    }
+    out
+}

@@ -1,0 +1,175 @@
+//! What a training run remembers besides the learner: counters and the last episodes.
+
+use std::collections::VecDeque;
+
+use palpate_env::{Outcome, Summary};
+use palpate_safety::Tally;
+
+/// Episodes behind the rolling figures.
+pub const WINDOW: usize = 20;
+
+/// Counters of a run; part of every checkpoint.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Progress {
+    /// Environment steps taken.
+    pub step: u64,
+    /// Episodes finished.
+    pub episodes: u64,
+    /// Episodes that reached the goal.
+    pub successes: u64,
+    /// Episodes ended by the force limit.
+    pub collisions: u64,
+    /// Episodes cut by a simulator fault.
+    pub faults: u64,
+    /// Refused commands and force stops, control ticks.
+    pub tally: Tally,
+    /// Step of the first success.
+    pub first_success: Option<u64>,
+    /// Rows written to metrics.csv and to episodes.csv.
+    pub rows: (u64, u64),
+    /// Latest evaluation.
+    pub evaluated: Option<Evaluation>,
+    /// The evaluation that the kept policy won with.
+    pub best: Option<Evaluation>,
+    /// The last [`WINDOW`] episodes, oldest first.
+    pub recent: VecDeque<Recent>,
+}
+
+/// An evaluation during training, on frozen starts.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Evaluation {
+    /// Environment step.
+    pub step: u64,
+    /// Share of episodes that reached the goal.
+    pub success_rate: f64,
+    /// Mean sum of rewards.
+    pub mean_return: f64,
+    /// Mean actions per episode.
+    pub mean_steps: f64,
+    /// Median over episodes of the peak contact force, N.
+    pub peak_force: f64,
+    /// Mean over episodes of Q(start) minus the discounted return that followed, in scaled reward: the
+    /// one signal that announces a collapsing policy (a critic that believes what does not happen).
+    pub q_minus_return: f64,
+}
+
+impl Evaluation {
+    /// Better than `other`: more successes, then more return.
+    pub fn beats(&self, other: &Self) -> bool {
+        (self.success_rate, self.mean_return) > (other.success_rate, other.mean_return)
+    }
+}
+
+/// What the rolling figures need of an episode.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recent {
+    total_reward: f64,
+    steps: u32,
+    success: bool,
+    peak_force: f64,
+}
+
+impl Progress {
+    /// Takes in a finished episode.
+    pub fn record(&mut self, summary: &Summary) {
+        self.episodes += 1;
+        self.tally += summary.tally;
+        match summary.outcome {
+            Outcome::Success => {
+                self.successes += 1;
+                self.first_success.get_or_insert(self.step);
+            }
+            Outcome::Collision => self.collisions += 1,
+            Outcome::Fault => self.faults += 1,
+            Outcome::TimeLimit => {}
+        }
+        if self.recent.len() == WINDOW {
+            self.recent.pop_front();
+        }
+        self.recent.push_back(Recent {
+            total_reward: summary.total_reward,
+            steps: summary.steps,
+            success: summary.outcome == Outcome::Success,
+            peak_force: summary.peak_force,
+        });
+    }
+
+    /// Mean sum of rewards of the recent episodes.
+    pub fn mean_return(&self) -> Option<f64> {
+        self.mean(|r| r.total_reward)
+    }
+
+    /// Mean length of the recent episodes.
+    pub fn mean_steps(&self) -> Option<f64> {
+        self.mean(|r| f64::from(r.steps))
+    }
+
+    /// Share of the recent episodes that reached the goal.
+    pub fn success_rate(&self) -> Option<f64> {
+        self.mean(|r| if r.success { 1.0 } else { 0.0 })
+    }
+
+    /// Mean peak contact force of the recent episodes, N.
+    pub fn mean_peak_force(&self) -> Option<f64> {
+        self.mean(|r| r.peak_force)
+    }
+
+    fn mean(&self, f: impl Fn(&Recent) -> f64) -> Option<f64> {
+        let n = self.recent.len();
+        (n > 0).then(|| self.recent.iter().map(f).sum::<f64>() / n as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn summary(outcome: Outcome, total_reward: f64) -> Summary {
+        Summary {
+            episode: 0,
+            outcome,
+            total_reward,
+            steps: 10,
+            seconds: 0.5,
+            peak_force: 3.0,
+            mean_force: 1.0,
+            final_distance: 0.0,
+            tally: Tally::default(),
+        }
+    }
+
+    #[test]
+    fn rolling_figures_forget_old_episodes() {
+        let mut progress = Progress::default();
+        assert_eq!(progress.success_rate(), None);
+        for _ in 0..WINDOW {
+            progress.record(&summary(Outcome::Collision, 0.0));
+        }
+        assert_eq!((progress.success_rate(), progress.collisions), (Some(0.0), WINDOW as u64));
+        progress.step = 77;
+        for _ in 0..WINDOW / 2 {
+            progress.record(&summary(Outcome::Success, 200.0));
+        }
+        assert_eq!(progress.success_rate(), Some(0.5));
+        assert_eq!(progress.mean_return(), Some(100.0));
+        assert_eq!(progress.first_success, Some(77));
+    }
+
+    #[test]
+    fn success_counts_before_return() {
+        let e = |success_rate, mean_return| Evaluation {
+            step: 0,
+            success_rate,
+            mean_return,
+            mean_steps: 0.0,
+            peak_force: 0.0,
+            q_minus_return: 0.0,
+        };
+        assert!(e(0.9, 10.0).beats(&e(0.8, 200.0)));
+        assert!(e(0.9, 11.0).beats(&e(0.9, 10.0)));
+        assert!(!e(0.9, 10.0).beats(&e(0.9, 10.0)));
+    }
+}
