@@ -1,0 +1,114 @@
+//! The simulated arm as a backend.
+
+#[expect(dead_code, reason = "the rig is for the contact tests")]
+mod common;
+
+use palpate_kinematics::SerialChain;
+use palpate_robot_io::{JointCommand, RobotBackend, contract};
+use palpate_sim::{SimArm, SimConfig, SimError};
+use palpate_spatial::{JointVector, Pose, UnitQuaternion, Vector3};
+
+const HOME: [f64; 6] = [
+    0.0,
+    -std::f64::consts::FRAC_PI_2,
+    std::f64::consts::FRAC_PI_2,
+    -std::f64::consts::FRAC_PI_2,
+    -std::f64::consts::FRAC_PI_2,
+    0.0,
+];
+
+fn chain() -> SerialChain<6> {
+    let urdf = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/robots/ur3e.urdf");
+    SerialChain::from_urdf_file(urdf, "base_link", "tool0").unwrap()
+}
+
+/// The hole `above` metres below the tip at home.
+fn arm(config: &SimConfig, above: f64) -> Result<SimArm, SimError> {
+    let tool0 = chain().forward(&HOME.into());
+    let down = tool0.rotation * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    let tip = tool0 * nalgebra::Point3::new(0.0, 0.0, 0.150 + above);
+    SimArm::new(chain(), Pose::from_parts(tip.coords.into(), down), config, HOME.into(), 1)
+}
+
+fn noisy() -> SimConfig {
+    let mut config = common::config(1e-3, 1e-3);
+    config.sensor.force_noise = 0.05;
+    config.sensor.torque_noise = 0.005;
+    config
+}
+
+#[test]
+fn it_keeps_the_contract() {
+    contract::check(&mut arm(&noisy(), 0.010).unwrap()).unwrap();
+}
+
+#[test]
+fn the_servo_lags_by_its_time_constant_and_dead_time() {
+    let mut config = common::config(1e-3, 0.0);
+    config.servo.lag = 0.020;
+    config.servo.dead_time = 0.006;
+    let mut arm = arm(&config, 0.010).unwrap();
+    let mut q: JointVector = HOME.into();
+    q[5] += 0.1;
+    arm.write(&JointCommand { q }).unwrap();
+    for tick in 1..=40 {
+        let moved = arm.read().unwrap().q[5] - HOME[5];
+        let since = f64::from(tick - 3) * 0.002;
+        let expected = if since > 0.0 { 0.1 * (1.0 - (-since / 0.020).exp()) } else { 0.0 };
+        assert!((moved - expected).abs() < 1e-12, "tick {tick}: {moved} against {expected}");
+    }
+}
+
+#[test]
+fn after_a_tare_nothing_before_it_matters() {
+    let run = |arm: &mut SimArm| {
+        arm.tare().unwrap();
+        let mut q: JointVector = HOME.into();
+        (0..50)
+            .map(|_| {
+                q[1] += 2e-4;
+                arm.write(&JointCommand { q }).unwrap();
+                let state = arm.read().unwrap();
+                (state.q, state.sensor_wrench)
+            })
+            .collect::<Vec<_>>()
+    };
+    let mut fresh = arm(&noisy(), 0.010).unwrap();
+    let mut used = arm(&noisy(), 0.010).unwrap();
+    let mut q: JointVector = HOME.into();
+    q[1] += 0.01;
+    for target in [q, HOME.into()] {
+        for _ in 0..200 {
+            used.write(&JointCommand { q: target }).unwrap();
+            used.read().unwrap();
+        }
+    }
+    assert_eq!(run(&mut fresh), run(&mut used));
+}
+
+#[test]
+fn the_noise_has_the_configured_size_and_the_reading_its_quantum() {
+    let mut config = noisy();
+    config.sensor.force_quantum = 0.1;
+    let mut arm = arm(&config, 0.010).unwrap();
+    let readings: Vec<_> = (0..4000).map(|_| arm.read().unwrap().sensor_wrench).collect();
+    let std = (readings.iter().map(|w| w.torque.x.powi(2)).sum::<f64>() / 4000.0).sqrt();
+    assert!((std / 0.005 - 1.0).abs() < 0.1, "{std}");
+    assert!(readings.iter().all(|w| ((w.force.y / 0.1).round() * 0.1 - w.force.y).abs() < 1e-12));
+    assert!(readings.iter().any(|w| w.force.y != 0.0));
+}
+
+#[test]
+fn settings_that_cannot_work_are_refused_with_what_would() {
+    let message = |change: fn(&mut SimConfig)| {
+        let mut config = common::config(5e-5, 0.0);
+        change(&mut config);
+        arm(&config, 0.010).unwrap_err().to_string()
+    };
+    assert!(message(|c| c.hole.clearance = 0.0).contains("sim.hole.clearance"));
+    assert!(message(|c| c.hole.clearance = -1e-3).contains("positive"));
+    assert!(message(|c| c.solver.prediction_distance = 1e-4).contains("half the clearance per side"));
+    assert!(message(|c| c.tool.mass = f64::NAN).contains("sim.tool.mass"));
+    let inside = arm(&common::config(1e-3, 0.0), -0.003).unwrap_err().to_string();
+    assert!(inside.contains("3.0 mm inside the board"), "{inside}");
+}
