@@ -1,18 +1,13 @@
-//! The chain: forward kinematics and the geometric Jacobian.
+//! The chain and its forward kinematics.
 
-use nalgebra::{Matrix3, SMatrix, SVector};
-use palpate_spatial::{Pose, UnitQuaternion, Vector3};
+use nalgebra::SVector;
+use palpate_spatial::{Pose, Vector3};
 
-/// Axes in which a Jacobian is expressed; the reference point is the tip's origin either way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Frame {
-    /// Axes of the base link.
-    BaseAligned,
-    /// Axes of the tip.
-    Body,
-}
+use crate::jacobian::Kinematics;
+use crate::rigid::Rigid;
+use crate::trig::sin_cos;
 
-/// Limits of the joints; unbounded joints have infinite positions.
+/// Limits of the joints; joints without an end have infinite positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointLimits<const N: usize> {
     /// Lower positions, rad or m.
@@ -29,58 +24,63 @@ pub(crate) enum JointKind {
     Prismatic,
 }
 
-/// A moving joint about or along +z of its frame.
+/// A joint that turns about or slides along +z of its frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Link {
-    /// From the frame after the previous joint to this joint's frame.
+    /// From the frame after the previous joint to this joint's frame at zero.
     pub(crate) before: Rigid,
     pub(crate) kind: JointKind,
 }
 
-/// A rigid transform as matrix and vector: composing these is cheaper than composing quaternions.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Rigid {
-    pub(crate) R: Matrix3<f64>,
-    pub(crate) p: Vector3,
-}
-
-impl From<Pose> for Rigid {
-    fn from(pose: Pose) -> Self {
-        Self { R: pose.rotation.to_rotation_matrix().into_inner(), p: pose.translation.vector }
-    }
-}
-
-impl Rigid {
-    fn then(&self, next: &Self) -> Self {
-        Self { R: self.R * next.R, p: self.p + self.R * next.p }
-    }
-
-    /// Turns about the own z axis.
-    fn turn(&mut self, angle: f64) {
-        let (sin, cos) = angle.sin_cos();
-        let (x, y) = (self.R.column(0).into_owned(), self.R.column(1).into_owned());
-        self.R.set_column(0, &(x * cos + y * sin));
-        self.R.set_column(1, &(y * cos - x * sin));
-    }
-}
-
-/// A serial arm with `N` moving joints, built by [`from_urdf`](Self::from_urdf) and its siblings.
+/// A serial arm with `N` moving joints.
+///
+/// Built by [`from_urdf`](Self::from_urdf) and its siblings, or from Denavit-Hartenberg figures by
+/// [`from_dh`](Self::from_dh). Immutable: one chain serves any number of threads.
+///
+/// ```
+/// # use palpate_kinematics::SerialChain;
+/// # let urdf = include_str!("../../../assets/robots/ur5e.urdf");
+/// let chain = SerialChain::<6>::from_urdf_str(urdf, "base_link", "tool0")?;
+/// assert_eq!(chain.joint_names()[2], "elbow_joint");
+/// # Ok::<(), palpate_kinematics::ModelError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct SerialChain<const N: usize> {
     links: [Link; N],
     after: Rigid,
     limits: JointLimits<N>,
     names: Vec<String>,
+    reach: f64,
 }
 
 impl<const N: usize> SerialChain<N> {
-    pub(crate) fn new(links: [Link; N], after: Pose, limits: JointLimits<N>, names: Vec<String>) -> Self {
-        Self { links, after: after.into(), limits, names }
+    pub(crate) fn new(
+        links: [Link; N],
+        after: Rigid,
+        limits: JointLimits<N>,
+        names: Vec<String>,
+    ) -> Self {
+        let reach = reach(&links, &after, &limits);
+        Self { links, after, limits, names, reach }
     }
 
     /// The same chain with a tool mounted on its tip: from now on the tip is the tool.
+    ///
+    /// ```
+    /// # use palpate_kinematics::SerialChain;
+    /// # use palpate_spatial::{JointVector, Pose};
+    /// # let urdf = include_str!("../../../assets/robots/ur3e.urdf");
+    /// let arm = SerialChain::<6>::from_urdf_str(urdf, "base_link", "tool0")?;
+    /// let tool0_T_tool = Pose::translation(0.0, 0.0, 0.15);
+    /// let q = JointVector::from([0.3, -1.2, 1.9, -2.0, -1.6, 0.4]);
+    /// let expected = arm.forward(&q) * tool0_T_tool;
+    /// let with_tool = arm.with_tool(tool0_T_tool);
+    /// assert!((with_tool.forward(&q).translation.vector - expected.translation.vector).norm() < 1e-14);
+    /// # Ok::<(), palpate_kinematics::ModelError>(())
+    /// ```
     pub fn with_tool(mut self, tip_T_tool: Pose) -> Self {
-        self.after = self.after.then(&tip_T_tool.into());
+        self.after = self.after.then(&Rigid::from(&tip_T_tool));
+        self.reach = reach(&self.links, &self.after, &self.limits);
         self
     }
 
@@ -94,87 +94,63 @@ impl<const N: usize> SerialChain<N> {
         &self.names
     }
 
+    /// No tip position farther from the base's origin than this exists, m; infinite with an endless
+    /// prismatic joint.
+    pub fn reach(&self) -> f64 {
+        self.reach
+    }
+
     /// base_T_tip at joints `q` (rad or m).
+    ///
+    /// Not finite where `q` is not.
+    ///
+    /// ```
+    /// # use palpate_kinematics::SerialChain;
+    /// # use palpate_spatial::JointVector;
+    /// # let urdf = include_str!("../../../assets/robots/ur3e.urdf");
+    /// let chain = SerialChain::<6>::from_urdf_str(urdf, "base_link", "tool0")?;
+    /// // Stretched straight up: d1 − a2 − a3 + d5 above the base, d4 + d6 in front of it.
+    /// let up = JointVector::from([0.0, -90.0, 0.0, -90.0, 0.0, 0.0].map(f64::to_radians));
+    /// let base_T_tool = chain.forward(&up);
+    /// assert!((base_T_tool.translation.z - (0.15185 + 0.24355 + 0.2132 + 0.08535)).abs() < 1e-12);
+    /// assert!((base_T_tool.translation.y - (0.13105 + 0.0921)).abs() < 1e-12);
+    /// # Ok::<(), palpate_kinematics::ModelError>(())
+    /// ```
     pub fn forward(&self, q: &SVector<f64, N>) -> Pose {
         self.kinematics(q).pose()
     }
 
-    /// Everything about one configuration, computed once.
+    /// Everything about one configuration, computed once: pose, Jacobian, singularity measures.
+    #[inline]
     pub fn kinematics(&self, q: &SVector<f64, N>) -> Kinematics<N> {
+        let (sin, cos) = sin_cos(q);
         let mut axes = [(Vector3::zeros(), Vector3::zeros()); N];
-        let mut T = Rigid { R: Matrix3::identity(), p: Vector3::zeros() };
+        let mut kinds = [JointKind::Revolute; N];
+        let mut T =
+            Rigid { x: Vector3::x(), y: Vector3::y(), z: Vector3::z(), p: Vector3::zeros() };
         for (i, link) in self.links.iter().enumerate() {
-            T = T.then(&link.before);
-            let z = T.R.column(2).into_owned();
-            axes[i] = (T.p, z);
+            T = if i == 0 { link.before } else { T.then(&link.before) };
+            axes[i] = (T.p, T.z);
+            kinds[i] = link.kind;
             match link.kind {
-                JointKind::Revolute => T.turn(q[i]),
-                JointKind::Prismatic => T.p += z * q[i],
+                JointKind::Revolute => T.turn(sin[i], cos[i]),
+                JointKind::Prismatic => T.p += T.z * q[i],
             }
         }
-        Kinematics { tip: T.then(&self.after), axes, kinds: self.links.map(|l| l.kind) }
+        Kinematics { tip: T.then(&self.after), axes, kinds }
     }
 
+    #[inline]
     pub(crate) fn is_revolute(&self, joint: usize) -> bool {
         self.links[joint].kind == JointKind::Revolute
     }
-
-    /// No target farther from the base than this can be reached, m; infinite with a prismatic joint.
-    pub fn reach(&self) -> f64 {
-        if self.links.iter().any(|l| l.kind == JointKind::Prismatic) {
-            return f64::INFINITY;
-        }
-        self.links.iter().map(|l| l.before.p.norm()).sum::<f64>() + self.after.p.norm()
-    }
 }
 
-/// One configuration of a chain.
-#[derive(Clone, Copy, Debug)]
-pub struct Kinematics<const N: usize> {
-    pub(crate) tip: Rigid,
-    /// Origin and axis of each joint, base axes.
-    axes: [(Vector3, Vector3); N],
-    kinds: [JointKind; N],
-}
-
-impl<const N: usize> Kinematics<N> {
-    /// base_T_tip.
-    pub fn pose(&self) -> Pose {
-        let rotation = UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(self.tip.R));
-        Pose::from_parts(self.tip.p.into(), rotation)
-    }
-
-    /// The geometric Jacobian: rows v then ω of the tip's origin, one column per joint.
-    ///
-    /// Revolute: J_i = [z_i × (p − o_i); z_i]. Prismatic: J_i = [z_i; 0].
-    /// (Siciliano et al., *Robotics*, Sect. 3.1.3.)
-    pub fn jacobian(&self, frame: Frame) -> SMatrix<f64, 6, N> {
-        let mut J = SMatrix::<f64, 6, N>::zeros();
-        for (i, (o, z)) in self.axes.iter().enumerate() {
-            let (v, w) = match self.kinds[i] {
-                JointKind::Revolute => (z.cross(&(self.tip.p - o)), *z),
-                JointKind::Prismatic => (*z, Vector3::zeros()),
-            };
-            let (v, w) = match frame {
-                Frame::BaseAligned => (v, w),
-                Frame::Body => (self.tip.R.tr_mul(&v), self.tip.R.tr_mul(&w)),
-            };
-            J.fixed_view_mut::<3, 1>(0, i).copy_from(&v);
-            J.fixed_view_mut::<3, 1>(3, i).copy_from(&w);
-        }
-        J
-    }
-
-    /// Singular values of the Jacobian, largest first. Near zero: a direction is lost. Allocates.
-    pub fn singular_values(&self) -> Vec<f64> {
-        let J = self.jacobian(Frame::BaseAligned);
-        let J = faer::Mat::from_fn(6, N, |row, column| J[(row, column)]);
-        // The only failure is no convergence, which a finite 6×N matrix does not show; NaN says so.
-        J.singular_values().unwrap_or_else(|_| vec![f64::NAN; N.min(6)])
-    }
-
-    /// Yoshikawa's manipulability: the product of the singular values.
-    pub fn manipulability(&self) -> f64 {
-        self.singular_values().into_iter().product()
-    }
+/// The triangle inequality over all offsets and slides.
+fn reach<const N: usize>(links: &[Link; N], after: &Rigid, limits: &JointLimits<N>) -> f64 {
+    let slide = |i: usize| match links[i].kind {
+        JointKind::Revolute => 0.0,
+        JointKind::Prismatic => limits.lower[i].abs().max(limits.upper[i].abs()),
+    };
+    (0..N).map(|i| links[i].before.p.norm() + slide(i)).sum::<f64>() + after.p.norm()
 }

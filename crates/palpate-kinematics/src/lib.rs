@@ -18,17 +18,43 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # What is where
+//!
+//! - [`SerialChain`]: an arm from a URDF or a [`DhTable`]; forward kinematics; tracking IK for any number of
+//!   joints.
+//! - [`Kinematics`]: pose, Jacobian, manipulability and smallest singular value of one configuration.
+//! - [`UrSolver`]: tracking IK with all eight branches of a UR to fall back on, calibrated or not.
+//! - [`UrModel`], [`UrAnalytic`]: the maker's figures and the closed form that they allow.
+//!
 //! # Conventions
 //!
+//! - SI units. A joint is in rad, a prismatic one in m.
 //! - `base_T_tip` is the tip link's pose in base-link axes.
-//! - Jacobian rows are linear then angular velocity of the tip's origin.
+//! - Jacobian rows are linear then angular velocity of the tip's origin, in the axes of a [`Frame`].
 //! - UR's controller reports poses in its frame *Base*, which is `base_link` turned by π about z.
+//! - NaN and infinity are never solved: they come back as a refusal.
 
+mod builder;
 mod chain;
+mod dh;
 mod error;
 mod inverse;
-mod model;
+mod jacobian;
+mod ldl;
+mod levenberg;
+mod rigid;
+mod singular;
+mod trig;
+mod ur;
+mod ur_analytic;
+mod ur_solver;
+mod urdf;
 
-pub use chain::{Frame, JointLimits, Kinematics, SerialChain};
+pub use chain::{JointLimits, SerialChain};
+pub use dh::DhTable;
 pub use error::{IkError, ModelError};
 pub use inverse::{IkOptions, IkSolution};
+pub use jacobian::{Frame, Kinematics};
+pub use ur::{UR_JOINTS, UrModel};
+pub use ur_analytic::{UrAnalytic, UrBranch, UrSolutions};
+pub use ur_solver::UrSolver;
