@@ -1,8 +1,11 @@
 //! Settings of the laws. Every key must be stated.
 
-use crate::ControlError;
+use crate::error::{ControlError, bad};
 
 /// Settings of both laws.
+///
+/// The cut-off of the force filter is not here: the wrench that the law sees is the one that the
+/// fail-safe layer judges, so that layer owns the [`LowPass`](crate::LowPass).
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlConfig {
@@ -20,34 +23,41 @@ pub struct ControlConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ActionPlacement {
-    /// u = S·PD + a_x + (I−S)·PI, as printed.
+    /// u = S·PD + a_x + (I−S)·PI: the paper, eq. 1. a_x moves the tool whatever S is.
     OutsideSelection,
-    /// u = S·(PD + a_x) + (I−S)·PI, as in the authors' code.
+    /// u = S·(PD + a_x) + (I−S)·PI: the authors' released controllers. S scales a_x too.
     InsideSelection,
 }
 
 /// K_d^x as a function of K_p^x.
 ///
-/// ẋ_e is a backward difference. If the pose follows the command at once, the loop diverges unless
-/// S·(K_d + K_p·dt/2) < 1: with the printed rule at K_p = 1, S < 0.5.
+/// ẋ_e is a backward difference. Where the pose follows the command at once, the loop
+/// e⁺ = e − S·(K_p·dt·e + K_d·Δe) diverges unless S·(K_d + K_p·dt/2) < 1
+/// ([`PolicyModel::warnings`](crate::PolicyModel::warnings)): the printed rule at K_p = 5 needs
+/// S < 0.22. It also slows the loop it damps, by 1 + S·K_d. Hence `none` in the default preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DerivativeRule {
     /// K_d = 0.
     None,
-    /// K_d = 2√K_p, as printed.
+    /// K_d = 2√K_p: the paper, Sect. III-D.1. The number is that of SI units; a velocity command has
+    /// no mass for it to damp critically.
     Critical,
-    /// K_d = 0.1·K_p, as in the authors' later code.
+    /// K_d = 0.1·K_p: the authors' later controllers.
     Tenth,
+    /// K_d = √(K_p·e) with e = 0.01 (translation), 0.06 (rotation): the authors' controllers of
+    /// 2020. There K_p = p·e and K_d = √p·e with a scalar p (500 ± 400) and a base e per axis.
+    RootTimesBase,
 }
 
 impl DerivativeRule {
-    /// K_d for a K_p.
-    pub fn derivative_gain(self, kp: f64) -> f64 {
+    /// K_d for the K_p of an axis (0–2 translation, 3–5 rotation); both K_d and S are dimensionless.
+    pub fn derivative_gain(self, kp: f64, axis: usize) -> f64 {
         match self {
             Self::None => 0.0,
             Self::Critical => 2.0 * kp.sqrt(),
             Self::Tenth => 0.1 * kp,
+            Self::RootTimesBase => (kp * if axis < 3 { 0.01 } else { 0.06 }).sqrt(),
         }
     }
 }
@@ -62,17 +72,19 @@ pub struct ParallelConfig {
     pub derivative_rule: DerivativeRule,
     /// K_i^f / K_p^f, 1/s. The paper: 0.01.
     pub integral_ratio: f64,
-    /// Bound of the integral term, m/s and rad/s.
+    /// Bound of the integral term, m/s and rad/s. The authors' code: 1, which never binds.
     pub integral_limit: f64,
 }
 
-/// What the admittance model's output is.
+/// What the admittance model's x is to the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdmittanceOutput {
-    /// x is a displacement from the nominal trajectory, as printed; u contains its rate of change.
+    /// A displacement from the nominal trajectory, as printed: u contains Δx/dt, so that the integrated
+    /// pose contains x. At rest it yields F/k_d like a spring; the PD goes on pushing.
     Displacement,
-    /// x is added to u as a velocity, as in the authors' code. At rest u = F/k_d: a damper.
+    /// A velocity, as in the authors' code: u contains x. At rest it yields at F/k_d like a damper, and
+    /// a press settles at F = k_d·PD.
     Velocity,
 }
 
@@ -80,7 +92,8 @@ pub enum AdmittanceOutput {
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AdmittanceConfig {
-    /// m_d, the same on all axes. The paper: 0.1.
+    /// m_d, the same on all axes: kg, kg·m² (velocity output: kg·s, kg·m²·s). The paper: 0.1, printed
+    /// with kg·m² for all six.
     pub inertia: f64,
     /// ζ. The paper: constant, value not given.
     pub damping_ratio: f64,
@@ -110,12 +123,12 @@ impl ControlConfig {
         }
         let ratio = self.parallel.integral_ratio;
         if !(ratio >= 0.0 && ratio.is_finite()) {
-            return Err(bad("control.parallel.integral_ratio", ratio, "zero or positive"));
+            return Err(bad(
+                "control.parallel.integral_ratio",
+                ratio,
+                "zero or positive, and finite",
+            ));
         }
         Ok(())
     }
-}
-
-pub(crate) fn bad(key: &str, value: f64, must: impl Into<String>) -> ControlError {
-    ControlError::BadValue { key: key.into(), value, must: must.into() }
 }

@@ -4,10 +4,14 @@ use palpate_spatial::Twist;
 
 use crate::admittance::AdmittanceController;
 use crate::config::ControlConfig;
-use crate::law::{ControlError, ControlInput, ForceController, Gains, Law};
+use crate::error::ControlError;
+use crate::law::{ControlInput, ForceController, Gains, Law};
 use crate::parallel::ParallelController;
 
 /// The configured law, with the speed bounds of [`ControlConfig`].
+///
+/// A twist beyond a bound keeps its direction. The bound is no refusal: what the law integrated in
+/// that tick stays, and [`ParallelConfig::integral_limit`](crate::ParallelConfig) keeps it small.
 #[derive(Clone, Debug)]
 pub struct Controller {
     law: Either,

@@ -2,12 +2,14 @@
 
 use palpate_spatial::{Twist, Vector6, Wrench};
 
+use crate::error::{AXES, ControlError, bad};
+
 /// Everything one control tick sees; base axes, about the tool centre point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlInput {
     /// x_e = x_g − x: m, and sin(θ/2)·n.
     pub pose_error: Vector6,
-    /// F_ext: environment on tool, filtered and tared.
+    /// F_ext: environment on tool, N and N·m, filtered and tared.
     pub wrench: Wrench,
     /// a_x: the policy's motion, m/s and rad/s.
     pub action: Twist,
@@ -23,7 +25,16 @@ pub enum Law {
     Admittance,
 }
 
-/// Gains of the parallel law, per axis.
+impl std::fmt::Display for Law {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Parallel => "parallel",
+            Self::Admittance => "admittance",
+        })
+    }
+}
+
+/// Gains of the parallel law, per base axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParallelGains {
     /// K_p^x, 1/s (angular part: rad/s per unit of sin(θ/2)).
@@ -34,10 +45,10 @@ pub struct ParallelGains {
     pub selection: Vector6,
 }
 
-/// Gains of the admittance law, per axis.
+/// Gains of the admittance law, per base axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdmittanceGains {
-    /// K_p^x, 1/s.
+    /// K_p^x, 1/s (angular part: rad/s per unit of sin(θ/2)).
     pub kp_x: Vector6,
     /// k_d: N/m and N·m/rad (velocity output: N·s/m and N·m·s/rad).
     pub stiffness: Vector6,
@@ -52,57 +63,65 @@ pub enum Gains {
     Admittance(AdmittanceGains),
 }
 
-/// Why a law, its gains or a policy model was refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ControlError {
-    /// Gains of the other family.
-    #[error("gains of another law were given to the {0:?} law")]
-    WrongLaw(Law),
-    /// A number that makes no sense.
-    #[error("{key} is {value}, but it must be {must}")]
-    BadValue {
-        /// Path of the key.
-        key: String,
-        /// Its value.
-        value: f64,
-        /// What it must be.
-        must: String,
-    },
-    /// A gain that the law needs and the model lacks, or the other way round.
-    #[error("policy.gains.{0} {1}")]
-    GainSet(String, &'static str),
-    /// An action of the wrong length.
-    #[error("the action has {found} components, but the policy model has {expected}")]
-    ActionLength {
-        /// Components given.
-        found: usize,
-        /// Components expected.
-        expected: usize,
-    },
-    /// An action that is not finite.
-    #[error("component {index} of the action is {value}")]
-    ActionNotFinite {
-        /// Component.
-        index: usize,
-        /// Its value.
-        value: f64,
-    },
+impl ParallelGains {
+    /// No motion whatever happens: what a law starts with.
+    pub(crate) const ZERO: Self = Self { kp_x: ZERO, kp_f: ZERO, selection: ZERO };
+
+    pub(crate) fn check(&self) -> Result<(), ControlError> {
+        not_negative("kp_x", &self.kp_x)?;
+        not_negative("kp_f", &self.kp_f)?;
+        each("selection", &self.selection, "within [0, 1]", |s| s >= 0.0 && s <= 1.0)
+    }
+}
+
+impl AdmittanceGains {
+    pub(crate) fn check(&self) -> Result<(), ControlError> {
+        not_negative("kp_x", &self.kp_x)?;
+        each("stiffness", &self.stiffness, "positive and finite", |k| k > 0.0 && k.is_finite())
+    }
+}
+
+const ZERO: Vector6 = Vector6::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]]));
+
+fn not_negative(name: &str, values: &Vector6) -> Result<(), ControlError> {
+    each(name, values, "zero or positive, and finite", |k| k >= 0.0 && k.is_finite())
+}
+
+fn each(
+    name: &str,
+    values: &Vector6,
+    must: &str,
+    good: impl Fn(f64) -> bool,
+) -> Result<(), ControlError> {
+    match (0..6).find(|&axis| !good(values[axis])) {
+        Some(axis) => Err(bad(format!("{name}.{}", AXES[axis]), values[axis], must)),
+        None => Ok(()),
+    }
 }
 
 /// A force-control law whose gains may change from tick to tick.
+///
+/// # Contract
+///
+/// 1. The first [`update`](Self::update) after a [`reset`](Self::reset) has no derivative term:
+///    there is no earlier sample to differ from.
+/// 2. [`set_gains`](Self::set_gains) moves no state. What was integrated is kept in output units, so
+///    the output changes by what the new gains make of the present input, and by nothing else.
+/// 3. [`command_refused`](Self::command_refused) takes back the last update, once: an arm that is
+///    held winds nothing up, however long it is held.
+/// 4. A non-finite input gives a non-finite output, which the fail-safe layer refuses; after
+///    [`command_refused`](Self::command_refused) nothing of it remains.
 pub trait ForceController {
-    /// Sets the gains. Bumpless: what the law has integrated so far is kept in output units.
+    /// Sets the gains; those in force stay if these are refused.
     ///
     /// # Errors
-    /// Gains of another law.
+    /// Gains of another law, or a gain without meaning.
     fn set_gains(&mut self, gains: &Gains) -> Result<(), ControlError>;
 
-    /// One tick of `dt` seconds.
+    /// The tool's twist for the next `dt` seconds (positive); base axes, m/s and rad/s.
     fn update(&mut self, input: &ControlInput, dt: f64) -> Twist;
 
-    /// The last update's command was refused: takes back what it integrated, so that a held arm winds
-    /// nothing up.
+    /// The last update's command was not carried out: takes back what it integrated.
     fn command_refused(&mut self);
 
     /// Forgets everything but the gains.

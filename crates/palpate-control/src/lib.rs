@@ -29,30 +29,55 @@
 //! # Signs
 //!
 //! The wrench is what the environment does to the tool, so +K_p^f·F_ext moves the tool along the
-//! measured force, away from the surface. The paper leaves the sign open; this is the stable one.
+//! measured force, away from the surface, and the admittance model is pushed the same way. The paper
+//! leaves the sign open; this is the stable one.
 //!
 //! # Where the paper and its authors' code differ
 //!
+//! The paper: Beltran-Hernandez et al., "Learning Force Control for Contact-rich Manipulation Tasks with
+//! Rigid Position-controlled Robots", RA-L 5(4) 2020, arXiv 2003.00628. Its authors have released later
+//! versions of their controllers; each difference is a key.
+//!
 //! | | printed (Sect. III-D) | authors' code | key |
 //! |---|---|---|---|
-//! | a_x | outside S | inside: S·(PD + a_x) | `action_placement` |
-//! | K_d | 2√K_p | 0.1·K_p (later versions) | `derivative_rule` |
-//! | gains from actions | base ± range | base × or ÷ range | `range_map` of the policy model |
-//! | admittance output | a displacement | added as a velocity | `admittance.output` |
+//! | a_x | outside S | inside: S·(PD + a_x) | `control.parallel.action_placement` |
+//! | K_d | 2√K_p | √(K_p·e), later 0.1·K_p | `derivative_rule` of either law |
+//! | integral | not bounded | bounded by 1 (never binds) | `control.parallel.integral_limit` |
+//! | gains from actions | base ± range | base × or ÷ range | `policy.range_map` |
+//! | admittance output | a displacement | added as a velocity | `control.admittance.output` |
+//! | force filter | "a simple low-pass" | Butterworth, 2.5 Hz | the fail-safe layer's cut-off |
+//! | derivative at the first tick | – | a kick, in the versions of 2020 | none here |
+//!
+//! # Modules
+//!
+//! The trait and its data, the two laws, either of them as one type ([`Controller`]); [`LowPass`];
+//! [`PolicyModel`] and [`ActionMap`], from a policy's numbers to gains; what a model may do that is
+//! unwise ([`Warning`]).
 
+mod action;
 mod admittance;
 mod config;
+mod contact;
 mod controller;
-mod derivative;
+mod error;
 mod filter;
 mod law;
 mod model;
+mod oscillator;
 mod parallel;
+mod pd;
+mod warning;
 
+pub use action::{ActionMap, Decoded};
 pub use admittance::AdmittanceController;
-pub use config::{ActionPlacement, AdmittanceConfig, AdmittanceOutput, ControlConfig, DerivativeRule, ParallelConfig};
+pub use config::{
+    ActionPlacement, AdmittanceConfig, AdmittanceOutput, ControlConfig, DerivativeRule,
+    ParallelConfig,
+};
 pub use controller::Controller;
+pub use error::ControlError;
 pub use filter::LowPass;
-pub use law::{AdmittanceGains, ControlError, ControlInput, ForceController, Gains, Law, ParallelGains};
-pub use model::{ActionMap, Decoded, GainSpec, GainTable, MotionBounds, PolicyModel, RangeMap, Tie};
+pub use law::{AdmittanceGains, ControlInput, ForceController, Gains, Law, ParallelGains};
+pub use model::{GainSpec, GainTable, MotionBounds, PolicyModel, RangeMap, Tie};
 pub use parallel::ParallelController;
+pub use warning::Warning;
