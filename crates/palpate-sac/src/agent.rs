@@ -1,0 +1,223 @@
+//! The agent: acts, remembers, learns.
+
+use candle_core::{Device, Tensor};
+use rand::Rng;
+
+use crate::error::{check_length, check_vector};
+use crate::learner::{Batch, Learner};
+use crate::replay::Replay;
+use crate::rng::{Streams, fill_normal};
+use crate::{Policy, SacConfig, SacError, Transition, UpdateStats};
+
+/// How an action is chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// A sample of the policy; uniform during warm-up.
+    Explore,
+    /// The mean of the policy.
+    Exploit,
+}
+
+/// Soft actor-critic (Haarnoja et al. 2018, arXiv 1812.05905) with n-step returns.
+///
+/// The same configuration, dimensions, seed and calls give the same weights, bit for bit, on one
+/// machine; so does [`save`](Self::save) followed by [`load`](Self::load) at any point.
+#[derive(Debug)]
+pub struct Sac {
+    pub(crate) config: SacConfig,
+    pub(crate) observation_dim: usize,
+    pub(crate) action_dim: usize,
+    pub(crate) seed: u64,
+    pub(crate) learner: Learner,
+    pub(crate) replay: Replay,
+    pub(crate) streams: Streams,
+    /// Transitions observed.
+    pub(crate) steps: u64,
+    /// Gradient updates done.
+    pub(crate) updates: u64,
+    /// The actor that acts; a copy of the learner's.
+    pub(crate) policy: Policy,
+}
+
+impl Sac {
+    /// A fresh agent.
+    ///
+    /// # Errors
+    /// If a key of the configuration or a dimension cannot work.
+    pub fn new(
+        config: &SacConfig,
+        observation_dim: usize,
+        action_dim: usize,
+        seed: u64,
+    ) -> Result<Self, SacError> {
+        config.validate()?;
+        for (what, got) in [("an observation", observation_dim), ("an action", action_dim)] {
+            if got == 0 {
+                return Err(SacError::Dimension { what, expected: 1, got });
+            }
+        }
+        let mut streams = Streams::new(seed);
+        let learner = Learner::new(config, observation_dim, action_dim, &mut streams)?;
+        Ok(Self {
+            policy: learner.policy()?,
+            learner,
+            replay: Replay::new(config.replay_capacity, observation_dim, action_dim),
+            streams,
+            steps: 0,
+            updates: 0,
+            config: config.clone(),
+            observation_dim,
+            action_dim,
+            seed,
+        })
+    }
+
+    /// Chooses an action, each value in [−1, 1].
+    ///
+    /// # Errors
+    /// If a slice has the wrong length or the observation is not finite.
+    pub fn act(
+        &mut self,
+        observation: &[f32],
+        mode: Mode,
+        action: &mut [f32],
+    ) -> Result<(), SacError> {
+        check_vector("observation", self.observation_dim, observation)?;
+        check_length("action", self.action_dim, action.len())?;
+        let rng = &mut self.streams.exploration;
+        if mode == Mode::Explore && self.steps < self.config.warmup_steps {
+            action.fill_with(|| rng.random_range(-1.0..=1.0));
+            return Ok(());
+        }
+        match mode {
+            Mode::Explore => self.policy.sample(observation, &mut self.streams.exploration, action),
+            Mode::Exploit => self.policy.mean(observation, action),
+        }
+        Ok(())
+    }
+
+    /// Remembers one step of experience.
+    ///
+    /// # Errors
+    /// If a vector has the wrong length or a number is not finite; nothing is stored then.
+    pub fn observe(&mut self, transition: &Transition<'_>) -> Result<(), SacError> {
+        check_vector("observation", self.observation_dim, transition.observation)?;
+        check_vector("action", self.action_dim, transition.action)?;
+        check_vector("reward", 1, &[transition.reward])?;
+        check_vector("next observation", self.observation_dim, transition.next_observation)?;
+        self.replay.push(transition);
+        self.steps += 1;
+        Ok(())
+    }
+
+    /// Says that the running episode ends at the newest transition after all: whatever comes next
+    /// starts elsewhere. For an episode cut short from outside.
+    pub fn end_episode(&mut self) {
+        self.replay.end_episode();
+    }
+
+    /// Learns: `updates_per_step` updates, or none while there is too little to learn from.
+    ///
+    /// # Errors
+    /// [`SacError::Diverged`] if a loss or gradient is not finite.
+    pub fn update(&mut self) -> Result<Option<UpdateStats>, SacError> {
+        if self.replay.len() < self.config.start_training {
+            return Ok(None);
+        }
+        let mut mean = UpdateStats::default();
+        for _ in 0..self.config.updates_per_step {
+            let batch = self.draw_batch()?;
+            let stats = self.learner.update(&batch, self.updates)?;
+            self.updates += 1;
+            mean.add(&stats, 1.0 / self.config.updates_per_step as f32);
+        }
+        self.learner.actor.copy_parameters(self.policy.parameters_mut())?;
+        Ok(Some(mean))
+    }
+
+    fn draw_batch(&mut self) -> Result<Batch, SacError> {
+        let SacConfig { batch_size: rows, n_step, gamma, reward_scale, .. } = self.config;
+        let (o, a) = (self.observation_dim, self.action_dim);
+        let mut observation = Vec::with_capacity(rows * o);
+        let mut action = Vec::with_capacity(rows * a);
+        let mut reward = Vec::with_capacity(rows);
+        let mut discount = Vec::with_capacity(rows);
+        let mut bootstrap_observation = Vec::with_capacity(rows * o);
+        for _ in 0..rows {
+            let slot = self.replay.draw(&mut self.streams.replay);
+            let r = self.replay.n_step(slot, n_step, gamma);
+            observation.extend_from_slice(self.replay.observation(slot));
+            action.extend_from_slice(self.replay.action(slot));
+            reward.push((reward_scale * r.reward) as f32);
+            discount.push(r.discount as f32);
+            bootstrap_observation.extend_from_slice(self.replay.next_observation(r.slot));
+        }
+        let mut noise = || {
+            let mut noise = vec![0.0; rows * a];
+            fill_normal(&mut self.streams.update, &mut noise);
+            Tensor::from_vec(noise, (rows, a), &Device::Cpu)
+        };
+        Ok(Batch {
+            target_noise: noise()?,
+            actor_noise: noise()?,
+            observation: Tensor::from_vec(observation, (rows, o), &Device::Cpu)?,
+            action: Tensor::from_vec(action, (rows, a), &Device::Cpu)?,
+            reward: Tensor::from_vec(reward, rows, &Device::Cpu)?,
+            discount: Tensor::from_vec(discount, rows, &Device::Cpu)?,
+            bootstrap_observation: Tensor::from_vec(
+                bootstrap_observation,
+                (rows, o),
+                &Device::Cpu,
+            )?,
+        })
+    }
+
+    /// A copy of the policy as it is now.
+    pub fn policy(&self) -> Policy {
+        self.policy.clone()
+    }
+
+    /// min Q at an observation and the policy's mean action, in units of scaled reward.
+    ///
+    /// At the start of an episode, compare it with the discounted scaled return that follows: a
+    /// value far above is the sign of a policy about to fail.
+    ///
+    /// # Errors
+    /// If the observation has the wrong length or is not finite.
+    pub fn q_start(&self, observation: &[f32]) -> Result<f32, SacError> {
+        check_vector("observation", self.observation_dim, observation)?;
+        let mut action = vec![0.0; self.action_dim];
+        self.policy().mean(observation, &mut action);
+        Ok(self.learner.value(observation, &action)?)
+    }
+
+    /// Gradient updates done so far.
+    pub fn updates(&self) -> u64 {
+        self.updates
+    }
+
+    /// Transitions observed so far.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Transitions in the replay.
+    pub fn replay_len(&self) -> usize {
+        self.replay.len()
+    }
+
+    /// The configuration the agent was made with.
+    pub fn config(&self) -> &SacConfig {
+        &self.config
+    }
+
+    /// Values in an observation.
+    pub fn observation_dim(&self) -> usize {
+        self.observation_dim
+    }
+
+    /// Values in an action.
+    pub fn action_dim(&self) -> usize {
+        self.action_dim
+    }
+}
