@@ -1,117 +1,79 @@
 //! The simulated arm: a [`RobotBackend`].
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use palpate_kinematics::SerialChain;
-use palpate_robot_io::{BackendError, FaultKind, JointCommand, RobotBackend, RobotState};
-use palpate_spatial::{DOF, JointVector, Pose, Vector3, Vector6, Wrench};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
+use palpate_robot_io::{JointCommand, RobotBackend, RobotState};
+use palpate_spatial::{DOF, JointVector, Pose, Wrench};
 
-use crate::config::{ConfigError, SensorConfig, SimConfig};
+use crate::config::SimConfig;
 use crate::contact::ContactWorld;
+use crate::sensor::Sensor;
+use crate::servo::Servo;
+use crate::{EngineFault, SimError};
 
-/// Remaining distance to the set-point at which the arm counts as at rest, rad.
-const AT_REST: f64 = 1e-6;
-
-/// Why the simulated arm refused or failed.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SimError {
-    /// A setting makes no sense.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// The tool starts inside the board.
-    #[error("the tool starts {:.1} mm inside the board: raise its start", depth * 1e3)]
-    Overlap {
-        /// How deep, m.
-        depth: f64,
-    },
-    /// A command that is not finite.
-    #[error("joint command is not finite: {0:?}")]
-    NotFinite(JointVector),
-    /// A command after `stop`.
-    #[error("the simulated arm is stopped: call recover first")]
-    Stopped,
-    /// The physics engine broke down.
-    #[error("the physics engine broke down (panic or non-finite state); recover rebuilds the world")]
-    Engine,
-}
-
-impl BackendError for SimError {
-    fn kind(&self) -> FaultKind {
-        match self {
-            Self::Config(_) | Self::Overlap { .. } => FaultKind::Internal,
-            Self::NotFinite(_) => FaultKind::InvalidCommand,
-            Self::Stopped => FaultKind::Stopped,
-            Self::Engine => FaultKind::Simulation,
-        }
-    }
-}
+/// Loads up to these (N and N·m) at a tare are the last of the tool's ringing; more is contact or motion.
+const AT_REST: (f64, f64) = (1.0, 0.1);
 
 /// A position-controlled arm with a tool and a board, simulated at 500 Hz.
 ///
-/// Each [`read`](RobotBackend::read) advances its world by 2 ms. The whole state between a tare and the
-/// next is a function of the seed, the joints at the tare and the commands since.
+/// Each [`read`](RobotBackend::read) advances its world by 2 ms. What follows a tare in free air is a function
+/// of the seed, the joints at the tare and the commands since.
 #[derive(Debug)]
 pub struct SimArm {
     chain: SerialChain<DOF>,
+    base_T_hole: Pose,
     hole_T_base: Pose,
     config: SimConfig,
-    seed: u64,
     world: ContactWorld,
-    q_home: JointVector,
-    q: JointVector,
-    dq: JointVector,
-    q_target: JointVector,
-    /// Set-points on their way through the dead time, oldest first.
-    delayed: VecDeque<JointVector>,
+    q_start: JointVector,
+    servo: Servo,
     sensor: Sensor,
+    /// True load on the sensor in the last tick.
+    load: Wrench,
     ticks: u64,
     stopped: bool,
-    broken: bool,
+    fault: Option<EngineFault>,
+    faults: u64,
 }
 
 impl SimArm {
     const PERIOD: Duration = Duration::from_millis(2);
 
-    /// An arm at rest at `q_home` (rad): `chain` leads from base to tool0, the board's hole is at `base_T_hole`.
+    /// An arm at rest at `q_start` (rad): `chain` leads from base to tool0, the board's hole is at `base_T_hole`.
     ///
     /// # Errors
-    /// A setting that makes no sense, or a tool that starts inside the board.
+    /// A setting that makes no sense, or a peg that starts inside the board.
     pub fn new(
         chain: SerialChain<DOF>,
         base_T_hole: Pose,
         config: &SimConfig,
-        q_home: JointVector,
+        q_start: JointVector,
         seed: u64,
     ) -> Result<Self, SimError> {
-        config.validate()?;
         let hole_T_base = base_T_hole.inverse();
-        let hole_T_flange = hole_T_base * chain.forward(&q_home);
-        let depth = -lowest_point(config, &hole_T_flange);
-        if !(depth < 0.0) {
-            return Err(SimError::Overlap { depth });
-        }
-        let dead_ticks = (config.servo.dead_time / Self::PERIOD.as_secs_f64()).round() as usize;
+        let world = ContactWorld::new(config, &(hole_T_base * chain.forward(&q_start)))?;
         Ok(Self {
-            world: ContactWorld::new(config, &hole_T_flange),
+            world,
             chain,
+            base_T_hole,
             hole_T_base,
             config: config.clone(),
-            seed,
-            q_home,
-            q: q_home,
-            dq: JointVector::zeros(),
-            q_target: q_home,
-            delayed: VecDeque::from(vec![q_home; dead_ticks]),
-            sensor: Sensor::new(&config.sensor, seed, &q_home),
+            q_start,
+            servo: Servo::new(&config.servo, Self::PERIOD.as_secs_f64(), q_start),
+            sensor: Sensor::new(&config.sensor, seed),
+            load: Wrench::zero(),
             ticks: 0,
             stopped: false,
-            broken: false,
+            fault: None,
+            faults: 0,
         })
+    }
+
+    /// True pose of the tool's tip in the base frame, for diagnostics: behind the sensor's spring, so not
+    /// quite where the joints say.
+    pub fn base_T_tip(&self) -> Pose {
+        self.base_T_hole * self.hole_T_tip()
     }
 
     /// True pose of the tool's tip in the hole frame, for diagnostics.
@@ -119,33 +81,18 @@ impl SimArm {
         self.world.tip_pose()
     }
 
+    /// How often the physics engine broke down since construction.
+    pub fn fault_count(&self) -> u64 {
+        self.faults
+    }
+
+    fn rebuild(&mut self) {
+        self.world = ContactWorld::build(&self.config, &self.flange());
+        self.load = Wrench::zero();
+    }
+
     fn flange(&self) -> Pose {
-        self.hole_T_base * self.chain.forward(&self.q)
-    }
-
-    /// Dead time, then q ← q + (q_set − q)·(1 − exp(−dt/lag)).
-    fn servo(&mut self, dt: f64) {
-        let mut set = self.q_target;
-        if !self.delayed.is_empty() {
-            self.delayed.push_back(set);
-            if let Some(oldest) = self.delayed.pop_front() {
-                set = oldest;
-            }
-        }
-        let lag = self.config.servo.lag;
-        let follow = if lag > 0.0 { 1.0 - (-dt / lag).exp() } else { 1.0 };
-        let step = (set - self.q) * follow;
-        self.q += step;
-        self.dq = step / dt;
-    }
-
-    fn land(&mut self, q: JointVector) {
-        self.q = q;
-        self.dq.fill(0.0);
-        self.q_target = q;
-        self.delayed.iter_mut().for_each(|d| *d = q);
-        self.world = ContactWorld::new(&self.config, &self.flange());
-        self.sensor = Sensor::new(&self.config.sensor, self.seed, &q);
+        self.hole_T_base * self.chain.forward(&self.servo.q)
     }
 }
 
@@ -157,23 +104,29 @@ impl RobotBackend for SimArm {
     }
 
     fn read(&mut self) -> Result<RobotState, SimError> {
-        if self.broken {
-            return Err(SimError::Engine);
+        if let Some(what) = self.fault {
+            return Err(SimError::Engine { what });
         }
         let dt = Self::PERIOD.as_secs_f64();
         self.ticks += 1;
-        self.servo(dt);
-        let flange = self.flange();
-        let Some(wrench) = self.world.tick(&flange, dt) else {
-            self.broken = true;
-            return Err(SimError::Engine);
+        self.servo.tick();
+        self.load = match self.world.tick(&self.flange(), dt) {
+            Ok(load) => load,
+            Err(e) => {
+                if let SimError::Engine { what } = e {
+                    self.fault = Some(what);
+                    self.faults += 1;
+                }
+                self.stopped = true;
+                return Err(e);
+            }
         };
         Ok(RobotState {
             time: self.ticks as f64 * dt,
-            q: self.q,
-            dq: self.dq,
-            q_target: self.q_target,
-            sensor_wrench: self.sensor.measure(&wrench),
+            q: self.servo.q,
+            dq: self.servo.dq,
+            q_target: self.servo.q_target,
+            sensor_wrench: self.sensor.measure(&self.load, dt),
         })
     }
 
@@ -184,78 +137,81 @@ impl RobotBackend for SimArm {
         if !command.q.iter().all(|x| x.is_finite()) {
             return Err(SimError::NotFinite(command.q));
         }
-        self.q_target = command.q;
+        self.servo.q_target = command.q;
         Ok(())
     }
 
     fn stop(&mut self) -> Result<(), SimError> {
-        self.q_target = self.q;
-        self.delayed.iter_mut().for_each(|d| *d = self.q);
+        self.servo.halt();
         self.stopped = true;
         Ok(())
     }
 
-    /// After a fault of the engine the arm stands at its home again, in a new world.
+    /// After a fault of the engine the arm stands at its start again, in a new world: where it broke down
+    /// may be inside the board.
     fn recover(&mut self) -> Result<(), SimError> {
-        if self.broken {
-            self.land(self.q_home);
-            self.broken = false;
+        if self.fault.take().is_some() {
+            self.servo.place(self.q_start);
+            self.rebuild();
         }
         self.stopped = false;
         Ok(())
     }
 
-    /// Rebuilds the world around the resting arm, so that nothing before the tare can matter after it.
+    /// In free air at rest, also rebuilds the world around the arm, so that nothing before the tare can
+    /// matter after it. Under load it only zeroes the reading, as a real sensor does.
     fn tare(&mut self) -> Result<(), SimError> {
-        let rest = if (self.q_target - self.q).amax() < AT_REST { self.q_target } else { self.q };
-        let target = self.q_target;
-        self.land(rest);
-        self.q_target = target;
+        if self.load.force.norm() <= AT_REST.0 && self.load.torque.norm() <= AT_REST.1 {
+            self.servo.settle();
+            self.rebuild();
+        }
+        self.sensor.tare(&self.load, &self.servo.q);
         Ok(())
     }
 }
 
-/// The sensor's imperfections.
-#[derive(Debug)]
-struct Sensor {
-    config: SensorConfig,
-    rng: ChaCha8Rng,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use palpate_robot_io::{BackendError, FaultKind};
+    use palpate_spatial::{UnitQuaternion, Vector3};
 
-impl Sensor {
-    /// The noise stream is chosen by the joints at the tare: episodes differ, and none depends on another.
-    fn new(config: &SensorConfig, seed: u64, q: &JointVector) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(q.iter().fold(0u64, |hash, x| hash.rotate_left(9) ^ x.to_bits()));
-        Self { config: config.clone(), rng }
+    fn arm() -> SimArm {
+        let config = toml::from_str(include_str!("../tests/contact/stiff.toml")).unwrap();
+        let urdf = include_str!("../../../assets/robots/ur3e.urdf");
+        let chain = SerialChain::from_urdf_str(urdf, "base_link", "tool0").unwrap();
+        let right = std::f64::consts::FRAC_PI_2;
+        let q = JointVector::from([0.0, -right, right, -right, -right, 0.0]);
+        let into =
+            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let tip = chain.forward(&q) * Pose::translation(0.0, 0.0, 0.160);
+        let base_T_hole = Pose::from_parts(tip.translation, tip.rotation * into);
+        SimArm::new(chain, base_T_hole, &config, q, 1).unwrap()
     }
 
-    fn measure(&mut self, wrench: &Wrench) -> Wrench {
-        let c = &self.config;
-        let mut reading = wrench.vector();
-        for axis in 0..6 {
-            let (noise, quantum) =
-                if axis < 3 { (c.force_noise, c.force_quantum) } else { (c.torque_noise, c.torque_quantum) };
-            if noise > 0.0 {
-                let sample: f64 = StandardNormal.sample(&mut self.rng);
-                reading[axis] += noise * sample;
+    #[test]
+    fn a_broken_engine_is_reported_counted_and_rebuilt() {
+        let mut arm = arm();
+        let sabotages: [(fn(&mut ContactWorld), EngineFault); 2] = [
+            (ContactWorld::sabotage, EngineFault::Panic),
+            (ContactWorld::poison, EngineFault::NotFinite),
+        ];
+        for (sabotage, expected) in sabotages {
+            let before = (arm.read().unwrap(), arm.fault_count());
+            sabotage(&mut arm.world);
+            for _ in 0..2 {
+                let error = arm.read().unwrap_err();
+                assert!(matches!(error, SimError::Engine { what } if what == expected), "{error}");
+                assert_eq!(error.kind(), FaultKind::Simulation);
             }
-            if quantum > 0.0 {
-                reading[axis] = (reading[axis] / quantum).round() * quantum;
-            }
+            assert_eq!(arm.fault_count(), before.1 + 1, "one fault, however often it is read");
+            let refused = arm.write(&JointCommand { q: before.0.q }).unwrap_err();
+            assert_eq!(refused.kind(), FaultKind::Stopped);
+            arm.recover().unwrap();
+            arm.write(&JointCommand { q: before.0.q }).unwrap();
+            let after = arm.read().unwrap();
+            assert!(after.is_finite() && after.time > before.0.time);
+            assert_eq!(after.q, arm.q_start);
         }
-        Wrench::from(Vector6::from(reading))
     }
-}
-
-/// Height of the peg's lowest corner over the board, m.
-fn lowest_point(config: &SimConfig, hole_T_flange: &Pose) -> f64 {
-    let half = config.peg.width / 2.0;
-    [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
-        .iter()
-        .map(|(x, y)| {
-            let corner = Vector3::new(x * half, y * half, config.tool.length);
-            (hole_T_flange * nalgebra::Point3::from(corner)).z
-        })
-        .fold(f64::INFINITY, f64::min)
 }

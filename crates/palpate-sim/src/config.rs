@@ -92,6 +92,14 @@ pub struct SensorConfig {
     pub force_noise: f64,
     /// Standard deviation of white noise on each torque axis, N·m.
     pub torque_noise: f64,
+    /// Standard deviation of each force axis' offset at power-up, N. A tare removes it.
+    pub force_bias: f64,
+    /// Standard deviation of each torque axis' offset at power-up, N·m. A tare removes it.
+    pub torque_bias: f64,
+    /// Standard deviation of each force axis' drift rate, N/s, drawn at each tare.
+    pub force_drift: f64,
+    /// Standard deviation of each torque axis' drift rate, N·m/s, drawn at each tare.
+    pub torque_drift: f64,
     /// Resolution of the force axes, N; 0 for none.
     pub force_quantum: f64,
     /// Resolution of the torque axes, N·m; 0 for none.
@@ -116,98 +124,9 @@ pub struct SolverConfig {
     pub prediction_distance: f64,
 }
 
-/// A setting that makes no sense.
-#[derive(Debug, thiserror::Error)]
-#[error("sim.{key} is {value}, but it must be {must}")]
-pub struct ConfigError {
-    key: &'static str,
-    value: f64,
-    must: String,
-}
-
 impl SimConfig {
     /// Half the width of the hole, m.
     pub fn hole_half_width(&self) -> f64 {
         f64::midpoint(self.peg.width, self.hole.clearance)
-    }
-
-    /// Checks every number.
-    ///
-    /// # Errors
-    /// The first that makes no sense, with what would.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        let bad = |key, value, must: &str| Err(ConfigError { key, value, must: must.into() });
-        let positive = [
-            ("peg.width", self.peg.width),
-            ("peg.length", self.peg.length),
-            ("hole.clearance", self.hole.clearance),
-            ("hole.depth", self.hole.depth),
-            ("tool.mass", self.tool.mass),
-            ("tool.length", self.tool.length),
-            ("tool.inertia[0]", self.tool.inertia[0]),
-            ("tool.inertia[1]", self.tool.inertia[1]),
-            ("tool.inertia[2]", self.tool.inertia[2]),
-            ("compliance.linear_stiffness", self.compliance.linear_stiffness),
-            ("compliance.angular_stiffness", self.compliance.angular_stiffness),
-            ("compliance.linear_damping", self.compliance.linear_damping),
-            ("compliance.angular_damping", self.compliance.angular_damping),
-            ("solver.contact_frequency", self.solver.contact_frequency),
-            ("solver.contact_damping_ratio", self.solver.contact_damping_ratio),
-            ("solver.prediction_distance", self.solver.prediction_distance),
-        ];
-        for (key, value) in positive {
-            if !(value > 0.0 && value.is_finite()) {
-                return bad(key, value, "positive and finite");
-            }
-        }
-        let not_negative = [
-            ("friction", self.friction),
-            ("hole.chamfer", self.hole.chamfer),
-            ("tool.centre_of_mass", self.tool.centre_of_mass),
-            ("servo.lag", self.servo.lag),
-            ("servo.dead_time", self.servo.dead_time),
-            ("sensor.force_noise", self.sensor.force_noise),
-            ("sensor.torque_noise", self.sensor.torque_noise),
-            ("sensor.force_quantum", self.sensor.force_quantum),
-            ("sensor.torque_quantum", self.sensor.torque_quantum),
-        ];
-        for (key, value) in not_negative {
-            if !(value >= 0.0 && value.is_finite()) {
-                return bad(key, value, "zero or positive");
-            }
-        }
-        let counts = [
-            ("solver.steps_per_tick", f64::from(self.solver.steps_per_tick)),
-            ("solver.iterations", self.solver.iterations as f64),
-            ("solver.pgs_iterations", self.solver.pgs_iterations as f64),
-        ];
-        for (key, value) in counts {
-            if !(value >= 1.0) {
-                return bad(key, value, "at least 1");
-            }
-        }
-        let per_side = self.hole.clearance / 2.0;
-        if !(self.solver.prediction_distance <= per_side / 2.0) {
-            let must = format!("at most {:.1e}, half the clearance per side, or the mouth blocks the peg", per_side / 2.0);
-            return Err(ConfigError {
-                key: "solver.prediction_distance",
-                value: self.solver.prediction_distance,
-                must,
-            });
-        }
-        if !(self.hole.chamfer <= self.hole.depth / 2.0) {
-            let must = format!("at most {}, half the board's thickness", self.hole.depth / 2.0);
-            return Err(ConfigError { key: "hole.chamfer", value: self.hole.chamfer, must });
-        }
-        let room = self.hole_half_width() + self.hole.chamfer + 2.0 * self.peg.width;
-        if !(self.hole.board_half_width >= room) {
-            let must = format!("at least {room:.3}, so that a peg beside the hole lands on the board");
-            return Err(ConfigError { key: "hole.board_half_width", value: self.hole.board_half_width, must });
-        }
-        if !(self.peg.length <= self.tool.length) {
-            let must = format!("at most sim.tool.length = {}", self.tool.length);
-            return Err(ConfigError { key: "peg.length", value: self.peg.length, must });
-        }
-        Ok(())
     }
 }
