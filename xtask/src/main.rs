@@ -1,1 +1,75 @@
-fn main() {}
+//! `cargo xtask`: one front door to the release binary, the tests and the CI steps.
+//!
+//! A small debug binary that shells out. It links neither candle nor rapier, so it builds in seconds and
+//! everything that computes runs in release.
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command line tool speaks")]
+
+mod ci;
+mod examples;
+mod palpate;
+mod process;
+mod smoke;
+mod style;
+mod test;
+mod tidy;
+mod workspace;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use xshell::cmd;
+
+const HELP: &str = "\
+Usage: cargo xtask COMMAND [ARGS…]
+
+Robot learning (builds the release binary if needed, then runs `palpate COMMAND ARGS…`):
+  train-sim        train a policy in simulation
+  evaluate RUN     measure a trained policy beside three baselines
+  plot RUN…        draw learning curves
+  ANY OTHER        is handed to palpate as it is
+  COMMAND --help   explains one of them; `cargo xtask --help-palpate` lists all
+
+Repository:
+  test [ARGS…]     all tests, then doctests; ARGS (a name, -p CRATE) go to the runner, then no doctests
+  ci [--only STEP]…  every check that must pass before a merge, or only some
+  tidy             layering, file size, links, assets, stray paths
+  bench [ARGS…]    criterion benchmarks
+  examples         every tutorial program, with --quick
+  help             this text
+";
+
+/// Exit code for a command line that makes no sense.
+const USAGE: u8 = 2;
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(code) => code,
+        Err(e) => {
+            eprintln!("{} {e:#}", style::red("error:"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> anyhow::Result<ExitCode> {
+    let mut args = std::env::args_os().skip(1);
+    let command = args.next().unwrap_or_else(|| "help".into());
+    let rest: Vec<OsString> = args.collect();
+    match command.to_str() {
+        Some("help" | "-h" | "--help") => print!("{HELP}"),
+        Some("--help-palpate") => return palpate::exec(&["--help".into()]),
+        Some("test") => test::command(&rest)?,
+        Some("ci") => return Ok(ci::command(&rest)),
+        Some("tidy") => tidy::command()?,
+        Some("bench") => {
+            let sh = workspace::shell()?;
+            cmd!(sh, "cargo bench --workspace --bench * {rest...}").run()?;
+        }
+        Some("examples") => println!("{} programs ran", examples::command()?),
+        _ => {
+            let all: Vec<OsString> = std::iter::once(command).chain(rest).collect();
+            return palpate::exec(&all);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
