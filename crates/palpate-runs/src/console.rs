@@ -23,7 +23,9 @@ pub struct Console {
     rate: Rate,
     /// When the line was last shown.
     shown: Option<Instant>,
-    /// The newest line, shown or not.
+    /// The newest state, shown or not.
+    now: Instant,
+    step: u64,
     line: String,
 }
 
@@ -61,8 +63,9 @@ impl Console {
     }
 
     fn with(target: Target, total: u64, at: u64) -> Self {
-        let rate = Rate::new(Instant::now(), at);
-        Self { target, total, rate, shown: None, line: String::new() }
+        let now = Instant::now();
+        let rate = Rate::new(now, at);
+        Self { target, total, rate, shown: None, now, step: at, line: String::new() }
     }
 
     /// Shows the state at `step`, with steps per second and the time left; most calls return at once.
@@ -71,20 +74,24 @@ impl Console {
     }
 
     fn update_at(&mut self, now: Instant, step: u64, line: &str) {
+        // Kept even if it is not shown: it may be the last.
+        (self.now, self.step) = (now, step);
+        self.line.clear();
+        self.line.push_str(line);
         let pause = if matches!(self.target, Target::Live(_)) { LIVE } else { PLAIN };
-        let due = self.shown.is_none_or(|shown| now.duration_since(shown) >= pause);
-        if !due && step < self.total {
-            return;
+        if self.shown.is_none_or(|shown| now.duration_since(shown) >= pause) {
+            self.shown = Some(now);
+            self.show();
         }
-        self.rate.add(now, step);
-        self.line = format!("{step}/{} {line}{}", self.total, self.rate.text(self.total));
-        if !due {
-            return;
-        }
-        self.shown = Some(now);
+    }
+
+    fn show(&mut self) {
+        self.rate.add(self.now, self.step);
+        let line =
+            format!("{}/{} {}{}", self.step, self.total, self.line, self.rate.text(self.total));
         match &mut self.target {
-            Target::Live(bar) => bar.set_message(self.line.clone()),
-            Target::Plain(_) => self.note(&self.line.clone()),
+            Target::Live(bar) => bar.set_message(line),
+            Target::Plain(out) => print(out, &line),
         }
     }
 
@@ -107,9 +114,8 @@ impl Console {
             bar.finish_and_clear();
             self.target = Target::Plain(Box::new(std::io::stdout()));
         }
-        if !self.line.is_empty() {
-            let line = std::mem::take(&mut self.line);
-            self.note(&line);
+        if self.shown.is_some() {
+            self.show();
         }
     }
 }
@@ -191,9 +197,9 @@ mod tests {
     }
 
     #[test]
-    fn plain_lines_come_every_few_seconds_and_at_the_end() {
+    fn plain_lines_come_every_few_seconds_and_the_last_state_at_the_end() {
         let screen = Screen::default();
-        let mut console = Console::plain(Box::new(screen.clone()), 1100, 100);
+        let mut console = Console::plain(Box::new(screen.clone()), 1200, 100);
         let start = console.rate.samples[0].0;
         for step in 101..=1100 {
             // 50 steps per second: 20 s.
@@ -204,9 +210,9 @@ mod tests {
         console.note("done");
         let lines = screen.lines();
         assert_eq!(lines.len(), 6, "{lines:?}");
-        assert_eq!(lines[0], "101/1100 return 101  50 steps/s  ETA 0:00:20");
-        assert_eq!(lines[1], "351/1100 return 351  50 steps/s  ETA 0:00:15");
-        assert_eq!(lines[4], "1100/1100 return 1100  50 steps/s  ETA 0:00:00");
+        assert_eq!(lines[0], "101/1200 return 101  50 steps/s  ETA 0:00:22");
+        assert_eq!(lines[1], "351/1200 return 351  50 steps/s  ETA 0:00:17");
+        assert_eq!(lines[4], "1100/1200 return 1100  50 steps/s  ETA 0:00:02");
         assert_eq!(lines[5], "done");
     }
 

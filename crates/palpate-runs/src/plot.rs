@@ -83,6 +83,7 @@ pub fn draw(panel: &Panel, curves: &[Curve]) -> Option<String> {
         .with_x_label(panel.x_label.clone())
         .with_y_label(panel.y_label.clone())
         .with_legend_position(LegendPosition::OutsideBottomColumns)
+        .with_legend_box(false)
         .with_width(760.0)
         .with_height(460.0);
     if let Some((low, high)) = panel.y_range {
