@@ -10,7 +10,8 @@ use crate::model::PolicyModel;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
-    /// S·(K_d + K_p·dt/2) ≥ 1: the position loop diverges, if the pose follows the command at once.
+    /// S·(K_d + K_p·dt/2) ≥ 1, or half of it on a rotation, whose x_e is sin(θ/2): the position loop
+    /// diverges, if the pose follows the command at once.
     Derivative {
         /// Axis.
         axis: usize,
@@ -51,10 +52,11 @@ impl std::fmt::Display for Warning {
         match *self {
             Self::Derivative { axis, selection, kp, kd, product } => write!(
                 f,
-                "axis {}: S·(K_d + K_p·dt/2) reaches {product:.2} (S {selection:.2}, K_p {kp:.2}, K_d {kd:.2}), \
+                "axis {}: {}S·(K_d + K_p·dt/2) reaches {product:.2} (S {selection:.2}, K_p {kp:.2}, K_d {kd:.2}), \
                  and from 1 on the position loop diverges where the arm follows at once: lower S or K_p, \
                  or choose another derivative_rule",
-                AXES[axis]
+                AXES[axis],
+                if axis < 3 { "" } else { "½·" }
             ),
             Self::ModelTooFast { axis, stiffness, omega_dt } => write!(
                 f,
@@ -85,7 +87,9 @@ impl PolicyModel {
             let kd = rule.derivative_gain(kp, axis);
             let spec = self.gains.selection.as_ref();
             let selection = spec.map_or(1.0, |s| s.bounds(self.range_map, axis).1);
-            let product = selection * (kd + 0.5 * kp * dt);
+            // A rotation by θ moves x_e by θ/2.
+            let moved = if axis < 3 { 1.0 } else { 0.5 };
+            let product = moved * selection * (kd + 0.5 * kp * dt);
             if !(product < 1.0) {
                 warnings.push(Warning::Derivative { axis, selection, kp, kd, product });
             }
