@@ -2,8 +2,7 @@
 //! at once, the real filter and the real law.
 //!
 //! At 20 µs a tick is short enough for the loop to be the continuous one of the formulas: just below the
-//! limit an oscillation dies, just above it grows. At 2 ms the sampling takes a part of the limit that
-//! the last test states.
+//! limit an oscillation dies, just above it grows.
 
 mod support;
 
@@ -14,9 +13,8 @@ use palpate_control::{
 use palpate_spatial::{Twist, Vector6, Wrench};
 use support::*;
 
-/// How much an oscillation in a contact of `k` N/m grows over `periods` of the period it takes.
-///
-/// Compares the energy (mean of squares) of the last third with that of the middle third.
+/// Energy (sum of squares) of an oscillation in a contact of `k` N/m in the last third of the time, by
+/// that in the middle third.
 fn growth(law: &mut impl ForceController, k: f64, cutoff: f64, dt: f64, seconds: f64) -> f64 {
     let mut filter = LowPass::new(cutoff, 1.0 / dt);
     let along_x = |x: f64| Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0);
@@ -32,17 +30,6 @@ fn growth(law: &mut impl ForceController, k: f64, cutoff: f64, dt: f64, seconds:
         }
     }
     energy[2] / energy[1]
-}
-
-/// Stiffness at which the oscillation neither dies nor grows, by bisection.
-fn measured_limit(build: impl Fn() -> Box<dyn Fn(f64) -> f64>, expected: f64) -> f64 {
-    let growth = build();
-    let (mut low, mut high) = (0.1 * expected, 3.0 * expected);
-    for _ in 0..24 {
-        let k = 0.5 * (low + high);
-        if growth(k) < 1.0 { low = k } else { high = k }
-    }
-    low
 }
 
 /// K_p^x, K_p^f, S, cut-off in Hz.
@@ -119,27 +106,4 @@ fn limits_by_hand() {
     let bare = 2.0 * (100.0f64 / 0.1).sqrt() * 100.0;
     assert!((limit(AdmittanceOutput::Velocity) / bare - 1.0).abs() < 1e-4);
     assert!(limit(AdmittanceOutput::Displacement) > 1e3 * bare);
-}
-
-#[test]
-fn at_500_hz_the_sampling_takes_a_part_of_it() {
-    let seconds = |cutoff: f64| 60.0 / cutoff;
-    for (kp, kf, s, cutoff) in PARALLEL {
-        let limit = proportional().contact_limit(kp, kf, s, cutoff);
-        let got = measured_limit(
-            || Box::new(move |k| growth(&mut parallel(kp, kf, s), k, cutoff, DT, seconds(cutoff))),
-            limit,
-        );
-        println!("parallel {cutoff} Hz: {:.3}", got / limit);
-    }
-    for output in [AdmittanceOutput::Velocity, AdmittanceOutput::Displacement] {
-        for (z, kd, cutoff) in ADMITTANCE {
-            let limit = admittance(0.1, z, output).contact_limit(kd, cutoff);
-            let got = measured_limit(
-                || Box::new(move |k| growth(&mut model(z, kd, output), k, cutoff, DT, 6.0)),
-                limit,
-            );
-            println!("{output:?} ζ {z} k_d {kd} {cutoff} Hz: {:.3}", got / limit);
-        }
-    }
 }

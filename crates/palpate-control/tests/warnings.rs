@@ -3,7 +3,7 @@
 mod support;
 
 use palpate_control::{
-    ControlConfig, ControlInput, DerivativeRule, ForceController, GainSpec, Gains,
+    ControlConfig, ControlInput, DerivativeRule, ForceController, ForceLoop, GainSpec, Gains, Law,
     ParallelController, ParallelGains, PolicyModel, Tie, Warning,
 };
 use palpate_spatial::{
@@ -151,23 +151,34 @@ fn a_model_that_settles_within_a_tick_is_warned_of() {
 
 #[test]
 fn a_contact_beyond_the_limit_of_the_strongest_gains_is_warned_of() {
+    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, period: DT };
     for (name, _) in MODELS {
         let model = model(name);
-        let limit = match &model.gains.stiffness {
-            None => control().parallel.contact_limit(0.2, 9e-3, 0.1, 50.0),
-            Some(_) => control().admittance.contact_limit(100.0, 50.0),
+        // The strongest force gain, the least S or k_d, and the K_p that damps least.
+        let strongest = match model.law {
+            Law::Parallel => [0.2, 1.8].map(|kp| parallel_gains(kp, 9e-3, 0.1)),
+            Law::Admittance => [0.2, 1.8].map(|kp| admittance_gains(kp, 100.0)),
         };
-        assert!(limit > 1e3, "{limit}");
-        assert_eq!(model.contact_warnings(&control(), 0.999 * limit, 50.0), [], "{name}");
-        let warnings = model.contact_warnings(&control(), 1.001 * limit, 50.0);
+        let limit = strongest
+            .map(|gains| force_loop.contact_limit(&control(), &gains, 2))
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        assert!(limit > 1e3 && limit < 1e5, "{limit}");
+        let warned = |contact, force_loop| model.contact_warnings(&control(), contact, &force_loop);
+        assert_eq!(warned(0.999 * limit, force_loop), [], "{name}");
+        let warnings = warned(1.001 * limit, force_loop);
         assert_eq!(warnings.len(), 3, "{name}");
         let Warning::Contact { axis, limit: stated, .. } = warnings[2] else {
             panic!("{warnings:?}")
         };
         assert_eq!(axis, 2);
         assert!((stated / limit - 1.0).abs() < 1e-9, "{stated} for {limit}");
+        assert!(warnings[2].to_string().contains("behind a 50 Hz filter and a servo lag of 10 ms"));
         // A number that is none is no all-clear.
-        assert_eq!(model.contact_warnings(&control(), f64::NAN, 50.0).len(), 3);
-        assert_eq!(model.contact_warnings(&control(), 1e3, f64::NAN).len(), 3);
+        assert_eq!(warned(f64::NAN, force_loop).len(), 3);
+        for cutoff in [0.0, 250.0, f64::NAN] {
+            assert_eq!(warned(1.0, ForceLoop { cutoff, ..force_loop }).len(), 3);
+        }
+        assert_eq!(warned(1.0, ForceLoop { servo_lag: f64::NAN, ..force_loop }).len(), 3);
     }
 }
