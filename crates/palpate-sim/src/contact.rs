@@ -92,6 +92,7 @@ impl ContactWorld {
     fn steps(&mut self, hole_T_flange: &Pose, dt: f64) -> Wrench {
         let steps = self.config.solver.steps_per_tick;
         let from = self.flange_pose;
+        let hole_T_flange = &continued(hole_T_flange, &from);
         let velocity = Twist::new(
             (hole_T_flange.translation.vector - from.translation.vector) / dt,
             rotation_error_log(&hole_T_flange.rotation, &from.rotation) / dt,
@@ -140,6 +141,14 @@ impl ContactWorld {
             -(twist * c.angular_stiffness + turn * c.angular_damping),
         )
     }
+}
+
+/// The same pose with the quaternion of the pair (q, −q) that is nearer to the last one: rapier would take
+/// the other for a full turn within a step.
+fn continued(pose: &Pose, last: &Pose) -> Pose {
+    let (q, before) = (pose.rotation.quaternion(), last.rotation.quaternion());
+    let nearer = if q.dot(before) < 0.0 { -q } else { *q };
+    Pose::from_parts(pose.translation, UnitQuaternion::new_unchecked(nearer))
 }
 
 fn flange_T_tip(config: &SimConfig) -> Pose {

@@ -1,8 +1,8 @@
 //! On the board: stiffness, friction, seams, levers, the rim.
 
-use palpate_spatial::Vector3;
+use palpate_spatial::{UnitQuaternion, Vector3};
 
-use crate::rig::{Rig, config, soft};
+use crate::rig::{DT, Rig, config, flange, soft};
 
 #[test]
 fn a_press_has_the_stiffness_of_the_spring_and_nothing_sideways() {
@@ -109,4 +109,23 @@ fn a_peg_beside_the_hole_lands_on_the_rim_and_stays() {
         let late = rig.hold(600);
         assert!((late.force - early.force).norm() < 0.05, "{:?} → {:?}", early.force, late.force);
     }
+}
+
+#[test]
+fn a_flange_attitude_may_come_as_q_or_minus_q() {
+    let mut world = Rig::new(&config(1e-3, 0.0), [0.05, 0.0, 0.001], [0.0; 3]).world;
+    let mut worst: f64 = 0.0;
+    for tick in 0..200 {
+        // A slow tilt through a half turn from the hole's axes, where a quaternion's sign is a toss-up.
+        let tilt = Vector3::new(1e-4 * f64::from(tick - 100), 0.0, 0.0);
+        let mut pose = flange(&Vector3::new(0.05, 0.0, 0.003), &tilt, 0.150);
+        if tick % 2 == 1 {
+            pose.rotation = UnitQuaternion::new_unchecked(-pose.rotation.into_inner());
+        }
+        let felt = world.tick(&pose, DT).unwrap();
+        if tick > 100 {
+            worst = worst.max(felt.force.norm());
+        }
+    }
+    assert!(worst < 0.5, "{worst:.1} N in free air");
 }
