@@ -1,6 +1,8 @@
 //! The environment itself: a 20 Hz step around a 500 Hz loop.
 
-use palpate_control::{ActionMap, ControlConfig, ControlError, ControlInput, Controller, ForceController, PolicyModel};
+use palpate_control::{
+    ActionMap, ControlConfig, ControlError, ControlInput, Controller, ForceController, PolicyModel,
+};
 use palpate_kinematics::IkError;
 use palpate_robot_io::FaultKind;
 use palpate_safety::{Excess, Guarded, Measurement, Refusal, Verdict};
@@ -92,7 +94,8 @@ impl<R: Guarded> Env<R> {
         let actions = ActionMap::new(model)?;
         let controller = Controller::new(control, model.law)?;
         let limits = robot.limits();
-        let observer = Observer::new(&config.observation, limits.force_max, limits.torque_max, actions.dim());
+        let observer =
+            Observer::new(&config.observation, limits.force_max, limits.torque_max, actions.dim());
         Ok(Self {
             robot,
             config,
@@ -181,7 +184,9 @@ impl<R: Guarded> Env<R> {
             );
             match way {
                 Ok(measurement) => break measurement,
-                Err(EnvError::Robot(e)) if R::fault(&e) == Some(FaultKind::Simulation) && tries < RESET_TRIES => {
+                Err(EnvError::Robot(e))
+                    if R::fault(&e) == Some(FaultKind::Simulation) && tries < RESET_TRIES =>
+                {
                     self.faults += 1;
                     tracing::warn!(episode = number, error = %e, "simulator fault during reset; rebuilding");
                     self.robot.recover().map_err(EnvError::Robot)?;
@@ -242,7 +247,9 @@ impl<R: Guarded> Env<R> {
             }
             match self.robot.sense() {
                 Ok(sample) => episode.observe(sample),
-                Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => return self.faulted(episode, &e),
+                Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => {
+                    return self.faulted(episode, &e);
+                }
                 Err(e) => return Err(EnvError::Robot(e)),
             }
         }
@@ -253,7 +260,10 @@ impl<R: Guarded> Env<R> {
         self.observer.look(&episode.measurement, &episode.start.base_T_believed, action);
         let limits = self.robot.limits();
         let reward = self.reward.terms(&Parts {
-            error: pose_error_vector_part(&episode.start.base_T_believed, &episode.measurement.base_T_tool),
+            error: pose_error_vector_part(
+                &episode.start.base_T_believed,
+                &episode.measurement.base_T_tool,
+            ),
             scale: episode.error_scale,
             action,
             wrench: episode.measurement.wrench,
@@ -271,11 +281,18 @@ impl<R: Guarded> Env<R> {
         Ok(self.finish(episode, reward, outcome, truncated))
     }
 
-    fn finish(&mut self, mut episode: Episode, reward: RewardTerms, outcome: Option<Outcome>, truncated: bool) -> Step {
+    fn finish(
+        &mut self,
+        mut episode: Episode,
+        reward: RewardTerms,
+        outcome: Option<Outcome>,
+        truncated: bool,
+    ) -> Step {
         episode.total_reward += reward.total();
         let distance = self.true_distance(&episode.measurement.base_T_tool);
-        let summary =
-            outcome.map(|o| episode.summary(o, self.robot.period().as_secs_f64(), distance, self.robot.tally()));
+        let summary = outcome.map(|o| {
+            episode.summary(o, self.robot.period().as_secs_f64(), distance, self.robot.tally())
+        });
         episode.over = outcome.is_some();
         let terminated = outcome.is_some() && !truncated;
         self.episode = Some(episode);

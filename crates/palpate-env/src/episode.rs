@@ -95,7 +95,13 @@ impl Episode {
         self.measurement = measurement;
     }
 
-    pub(crate) fn summary(&self, outcome: Outcome, tick: f64, final_distance: f64, tally: Tally) -> Summary {
+    pub(crate) fn summary(
+        &self,
+        outcome: Outcome,
+        tick: f64,
+        final_distance: f64,
+        tally: Tally,
+    ) -> Summary {
         Summary {
             episode: self.number,
             outcome,

@@ -31,8 +31,11 @@ fn env(seed: u64, change: impl FnOnce(&mut EnvConfig, &mut TaskConfig)) -> Env<S
     let mut task = toml::from_str::<Task>(&read("tasks/peg-insertion.toml")).unwrap().task;
     change(&mut preset.env, &mut task);
     let model: PolicyModel = toml::from_str(&read("policies/p-14.toml")).unwrap();
-    let chain = SerialChain::from_urdf_file(format!("{ASSETS}/robots/ur3e.urdf"), "base_link", "tool0").unwrap();
-    let tool0_T_tool = Pose::from_parts(Vector3::new(0.0, 0.0, 0.15).into(), UnitQuaternion::identity());
+    let chain =
+        SerialChain::from_urdf_file(format!("{ASSETS}/robots/ur3e.urdf"), "base_link", "tool0")
+            .unwrap();
+    let tool0_T_tool =
+        Pose::from_parts(Vector3::new(0.0, 0.0, 0.15).into(), UnitQuaternion::identity());
     let robot = Safe::new(IdealArm::at(task.q_home), chain, tool0_T_tool, preset.safety).unwrap();
     Env::new(robot, preset.env, task, preset.reward, &preset.control, &model, seed).unwrap()
 }
@@ -51,7 +54,11 @@ fn reset_reaches_the_drawn_start_and_the_first_reward_scale_is_the_start_error()
         assert!((tool.translation.vector - start.translation.vector).norm() < 1e-6);
         assert!(tool.rotation.angle_to(&start.rotation) < 1e-6);
         assert_eq!(env.observation().len(), 18);
-        assert!(env.observation().iter().all(|x| x.abs() < 3.0), "order one: {:?}", env.observation());
+        assert!(
+            env.observation().iter().all(|x| x.abs() < 3.0),
+            "order one: {:?}",
+            env.observation()
+        );
     }
 }
 

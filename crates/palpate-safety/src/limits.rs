@@ -69,7 +69,11 @@ pub struct LimitsError {
 impl SafetyConfig {
     /// Checks that every limit is positive and no looser than the arm's own joint speeds (rad/s) and
     /// that the filter's cut-off is below half the sample rate (Hz).
-    pub fn validate(&self, arm_velocity: &JointVector, sample_rate: f64) -> Result<(), LimitsError> {
+    pub fn validate(
+        &self,
+        arm_velocity: &JointVector,
+        sample_rate: f64,
+    ) -> Result<(), LimitsError> {
         let positive = [
             ("force_max", self.force_max),
             ("torque_max", self.torque_max),
@@ -78,10 +82,15 @@ impl SafetyConfig {
         ];
         for (key, value) in positive {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(LimitsError { key: key.into(), value, must: "positive and finite".into() });
+                return Err(LimitsError {
+                    key: key.into(),
+                    value,
+                    must: "positive and finite".into(),
+                });
             }
         }
-        for (joint, (&value, &arm)) in self.joint_velocity_max.iter().zip(arm_velocity).enumerate() {
+        for (joint, (&value, &arm)) in self.joint_velocity_max.iter().zip(arm_velocity).enumerate()
+        {
             if !(value > 0.0 && value <= arm) {
                 return Err(LimitsError {
                     key: format!("joint_velocity_max[{joint}]"),
@@ -115,7 +124,12 @@ pub(crate) fn check_wrench(wrench: &Wrench, force_max: f64, torque_max: f64) -> 
 }
 
 /// |q_c − q_t| / dt ≤ q̇_max for every joint; NaN fails.
-pub(crate) fn check_speed(from: &JointVector, to: &JointVector, dt: f64, max: &JointVector) -> Result<(), Refusal> {
+pub(crate) fn check_speed(
+    from: &JointVector,
+    to: &JointVector,
+    dt: f64,
+    max: &JointVector,
+) -> Result<(), Refusal> {
     for joint in 0..from.len() {
         let speed = (to[joint] - from[joint]).abs() / dt;
         if !(speed <= max[joint]) {

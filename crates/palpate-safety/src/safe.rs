@@ -129,7 +129,8 @@ impl<B: RobotBackend> Safe<B> {
         let jacobian = kinematics.jacobian(palpate_kinematics::Frame::BaseAligned);
         // Sensor axes at the tool0 origin → base axes at the tool centre point.
         let base_R_tool0 = base_T_tool.rotation * self.tool0_T_tool.rotation.inverse();
-        let raw_wrench = state.sensor_wrench.about(&self.tool0_T_tool.translation.vector).rotated(&base_R_tool0);
+        let raw_wrench =
+            state.sensor_wrench.about(&self.tool0_T_tool.translation.vector).rotated(&base_R_tool0);
         let measurement = Measurement {
             state,
             base_T_tool,
@@ -151,8 +152,10 @@ impl<B: RobotBackend> Safe<B> {
             if !base_T_tool.to_homogeneous().iter().all(|x| x.is_finite()) {
                 return Err(Refusal::NonFinite);
             }
-            let solution =
-                safe.chain.solve_near(base_T_tool, &seed, &IkOptions::default()).map_err(Refusal::NoIk)?;
+            let solution = safe
+                .chain
+                .solve_near(base_T_tool, &seed, &IkOptions::default())
+                .map_err(Refusal::NoIk)?;
             Ok(solution.q)
         })
     }
@@ -248,8 +251,8 @@ impl<B: RobotBackend> Safe<B> {
             SpeedReference::Commanded => self.q_commanded.unwrap_or(last.state.q_target),
         };
         let dt = self.period().as_secs_f64();
-        let accepted =
-            solve(self).and_then(|q| check_speed(&from, &q, dt, &self.limits.joint_velocity_max).map(|()| q));
+        let accepted = solve(self)
+            .and_then(|q| check_speed(&from, &q, dt, &self.limits.joint_velocity_max).map(|()| q));
         let q = match accepted {
             Ok(q) => q,
             Err(refusal) => {
@@ -268,12 +271,20 @@ impl<B: RobotBackend> Safe<B> {
 
     fn force_in_range(&self, last: &Measurement) -> Result<(), Excess> {
         match self.phase {
-            Phase::Reset => check_wrench(&last.wrench, self.limits.reset.force_max, self.limits.reset.torque_max),
+            Phase::Reset => check_wrench(
+                &last.wrench,
+                self.limits.reset.force_max,
+                self.limits.reset.torque_max,
+            ),
             _ => check_wrench(&last.wrench, self.limits.force_max, self.limits.torque_max),
         }
     }
 
-    fn latch(&mut self, last: &Measurement, excess: Excess) -> Result<Verdict, SafeError<B::Error>> {
+    fn latch(
+        &mut self,
+        last: &Measurement,
+        excess: Excess,
+    ) -> Result<Verdict, SafeError<B::Error>> {
         self.tally.force += 1;
         self.phase = Phase::Latched(excess);
         self.hold(last)?;

@@ -74,7 +74,13 @@ fn moved(pose: &Pose, x: f64, y: f64, z: f64) -> Pose {
 }
 
 /// The paper's lines 12–19 for one tick, as printed.
-fn transcription(chain: &SerialChain<DOF>, x_c: &Pose, q_t: &JointVector, force: f64, l: &SafetyConfig) -> &'static str {
+fn transcription(
+    chain: &SerialChain<DOF>,
+    x_c: &Pose,
+    q_t: &JointVector,
+    force: f64,
+    l: &SafetyConfig,
+) -> &'static str {
     let q_c = match chain.solve_near(x_c, q_t, &IkOptions::default()) {
         Err(_) => return "continue",
         Ok(solution) => solution.q,
@@ -174,12 +180,19 @@ fn the_force_limit_latches_until_the_next_reset() {
     for mode in [Mode::Paper, Mode::ForceFirst] {
         let mut robot = loaded(&chain, mode, 30.0);
         for _ in 0..3 {
-            assert!(matches!(robot.command(&step).unwrap(), Verdict::ForceExceeded(e) if e.axis == 2), "{mode:?}");
+            assert!(
+                matches!(robot.command(&step).unwrap(), Verdict::ForceExceeded(e) if e.axis == 2),
+                "{mode:?}"
+            );
         }
         assert_eq!(robot.tally().force, 1, "counted once per latch");
         assert_eq!(robot.sense().unwrap().state.q, JointVector::from(HOME));
         robot.begin_reset();
-        assert_eq!(robot.command(&step).unwrap(), Verdict::Accepted, "30 N is within the reset limit");
+        assert_eq!(
+            robot.command(&step).unwrap(),
+            Verdict::Accepted,
+            "30 N is within the reset limit"
+        );
     }
 }
 
@@ -221,7 +234,10 @@ fn limits_that_make_no_sense_are_refused_by_name() {
     let build = |change: fn(&mut SafetyConfig)| {
         let mut config = limits(Mode::ForceFirst);
         change(&mut config);
-        Safe::new(IdealArm::at(HOME.into()), chain(), Pose::identity(), config).map(|_| ()).unwrap_err().to_string()
+        Safe::new(IdealArm::at(HOME.into()), chain(), Pose::identity(), config)
+            .map(|_| ())
+            .unwrap_err()
+            .to_string()
     };
     let loose = build(|c| c.joint_velocity_max[3] = 7.0);
     assert!(loose.contains("joint_velocity_max[3]") && loose.contains("6.28"), "{loose}");

@@ -75,9 +75,12 @@ impl SimConfig {
 
     fn check_geometry(&self) -> Result<(), SimError> {
         let per_side = self.hole.clearance / 2.0;
-        at_most("solver.prediction_distance", self.solver.prediction_distance, per_side / 2.0, || {
-            "half the clearance per side, or the mouth blocks the peg".into()
-        })?;
+        at_most(
+            "solver.prediction_distance",
+            self.solver.prediction_distance,
+            per_side / 2.0,
+            || "half the clearance per side, or the mouth blocks the peg".into(),
+        )?;
         at_most("hole.chamfer", self.hole.chamfer, self.hole.depth / 2.0, || {
             "half the board's thickness".into()
         })?;
@@ -96,7 +99,8 @@ impl SimConfig {
         if !self.settles(1.0, steps) {
             let most = self.stiffest_that_settles();
             let enough = (steps..=STEPS_MAX).find(|n| self.settles(1.0, *n));
-            let or = enough.map_or(String::new(), |n| format!(", or solver.steps_per_tick at least {n}"));
+            let or = enough
+                .map_or(String::new(), |n| format!(", or solver.steps_per_tick at least {n}"));
             let c = &self.compliance;
             return Err(SimError::Setting {
                 key: "compliance.linear_stiffness",
@@ -114,7 +118,10 @@ impl SimConfig {
         let face = FACE_STIFFNESS * self.tool.mass * CONTACT_SHARE;
         let slowest = (self.compliance.linear_stiffness / face).sqrt() / std::f64::consts::TAU;
         at_least("solver.contact_frequency", self.solver.contact_frequency, slowest, || {
-            format!("or contacts give way by more than {:.0} % of the sensor's spring", CONTACT_SHARE * 100.0)
+            format!(
+                "or contacts give way by more than {:.0} % of the sensor's spring",
+                CONTACT_SHARE * 100.0
+            )
         })
     }
 
@@ -139,7 +146,11 @@ impl SimConfig {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {
             let middle = f64::midpoint(low, high);
-            if self.settles(middle, self.solver.steps_per_tick) { low = middle } else { high = middle }
+            if self.settles(middle, self.solver.steps_per_tick) {
+                low = middle
+            } else {
+                high = middle
+            }
         }
         low
     }

@@ -179,10 +179,7 @@ fn tool_body(config: &SimConfig) -> RigidBodyBuilder {
         tool.mass,
         convert::vector(&Vector3::from(tool.inertia)),
     );
-    RigidBodyBuilder::dynamic()
-        .additional_mass_properties(mass)
-        .can_sleep(false)
-        .ccd_enabled(false)
+    RigidBodyBuilder::dynamic().additional_mass_properties(mass).can_sleep(false).ccd_enabled(false)
 }
 
 /// The only part of the tool that collides.

@@ -1,7 +1,8 @@
 //! The simulated arm as a backend.
 
-#[expect(dead_code, reason = "the rig is for the contact tests")]
-mod common;
+#[expect(dead_code, reason = "the rig is shared with the contact tests")]
+#[path = "contact/rig.rs"]
+mod rig;
 
 use palpate_kinematics::SerialChain;
 use palpate_robot_io::{JointCommand, RobotBackend, contract};
@@ -24,14 +25,20 @@ fn chain() -> SerialChain<6> {
 
 /// The hole `above` metres below the tip at home.
 fn arm(config: &SimConfig, above: f64) -> Result<SimArm, SimError> {
+    arm_beside(config, above, 0.0)
+}
+
+/// The same with the hole `beside` metres to the side.
+fn arm_beside(config: &SimConfig, above: f64, beside: f64) -> Result<SimArm, SimError> {
     let tool0 = chain().forward(&HOME.into());
-    let down = tool0.rotation * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-    let tip = tool0 * nalgebra::Point3::new(0.0, 0.0, 0.150 + above);
+    let down =
+        tool0.rotation * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    let tip = tool0 * nalgebra::Point3::new(beside, 0.0, 0.150 + above);
     SimArm::new(chain(), Pose::from_parts(tip.coords.into(), down), config, HOME.into(), 1)
 }
 
 fn noisy() -> SimConfig {
-    let mut config = common::config(1e-3, 1e-3);
+    let mut config = rig::config(1e-3, 1e-3);
     config.sensor.force_noise = 0.05;
     config.sensor.torque_noise = 0.005;
     config
@@ -44,7 +51,7 @@ fn it_keeps_the_contract() {
 
 #[test]
 fn the_servo_lags_by_its_time_constant_and_dead_time() {
-    let mut config = common::config(1e-3, 0.0);
+    let mut config = rig::config(1e-3, 0.0);
     config.servo.lag = 0.020;
     config.servo.dead_time = 0.006;
     let mut arm = arm(&config, 0.010).unwrap();
@@ -101,14 +108,16 @@ fn the_noise_has_the_configured_size_and_the_reading_its_quantum() {
 #[test]
 fn settings_that_cannot_work_are_refused_with_what_would() {
     let message = |change: fn(&mut SimConfig)| {
-        let mut config = common::config(5e-5, 0.0);
+        let mut config = rig::config(5e-5, 0.0);
         change(&mut config);
         arm(&config, 0.010).unwrap_err().to_string()
     };
     assert!(message(|c| c.hole.clearance = 0.0).contains("sim.hole.clearance"));
     assert!(message(|c| c.hole.clearance = -1e-3).contains("positive"));
-    assert!(message(|c| c.solver.prediction_distance = 1e-4).contains("half the clearance per side"));
+    assert!(
+        message(|c| c.solver.prediction_distance = 1e-4).contains("half the clearance per side")
+    );
     assert!(message(|c| c.tool.mass = f64::NAN).contains("sim.tool.mass"));
-    let inside = arm(&common::config(1e-3, 0.0), -0.003).unwrap_err().to_string();
+    let inside = arm_beside(&rig::config(1e-3, 0.0), -0.003, 0.005).unwrap_err().to_string();
     assert!(inside.contains("3.0 mm inside the board"), "{inside}");
 }

@@ -105,9 +105,13 @@ pub struct Choice {
 impl Config {
     /// Resolves a choice.
     pub fn load(choice: &Choice) -> anyhow::Result<Self> {
-        let policy = format!("[policy]\n{}", nest(asset("policy model", MODELS, &choice.model)?, "policy"));
+        let policy =
+            format!("[policy]\n{}", nest(asset("policy model", MODELS, &choice.model)?, "policy"));
         let base = Layer {
-            name: format!("preset {} + task {} + model {}", choice.preset, choice.task, choice.model),
+            name: format!(
+                "preset {} + task {} + model {}",
+                choice.preset, choice.task, choice.model
+            ),
             text: format!(
                 "{}\n{}\n{policy}",
                 asset("preset", PRESETS, &choice.preset)?,
@@ -116,8 +120,8 @@ impl Config {
         };
         let mut layers = Vec::new();
         if let Some(path) = &choice.file {
-            let text =
-                std::fs::read_to_string(path).with_context(|| format!("cannot read the config file {}", path.display()))?;
+            let text = std::fs::read_to_string(path)
+                .with_context(|| format!("cannot read the config file {}", path.display()))?;
             layers.push(Layer { name: path.display().to_string(), text });
         }
         let table = resolve(&base, &layers, &choice.set, &["policy"])?;
@@ -129,9 +133,10 @@ impl Config {
     /// Reads the resolved configuration of a run, changed by `set`.
     pub fn of_run(dir: &Path, set: &[String]) -> anyhow::Result<Self> {
         let path = dir.join("config.toml");
-        let text =
-            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}: is this a run?", path.display()))?;
-        let table = resolve(&Layer { name: path.display().to_string(), text }, &[], set, &["policy"])?;
+        let text = std::fs::read_to_string(&path)
+            .with_context(|| format!("cannot read {}: is this a run?", path.display()))?;
+        let table =
+            resolve(&Layer { name: path.display().to_string(), text }, &[], set, &["policy"])?;
         let config: Self = parse(table)?;
         config.validate()?;
         Ok(config)
@@ -176,7 +181,10 @@ pub fn asset(kind: &str, assets: Assets, name: &str) -> anyhow::Result<&'static 
     }
     let names: Vec<&str> = assets.iter().map(|(n, _)| *n).collect();
     match nearest(&wanted, names.iter().copied()) {
-        Some(near) => bail!("there is no {kind} `{name}`; did you mean `{near}`? There are: {}", names.join(", ")),
+        Some(near) => bail!(
+            "there is no {kind} `{name}`; did you mean `{near}`? There are: {}",
+            names.join(", ")
+        ),
         None => bail!("there is no {kind} `{name}`. There are: {}", names.join(", ")),
     }
 }

@@ -10,8 +10,8 @@ use palpate_sim::SimConfig;
 
 /// Wanders about the mouth: a new goal every 25 ticks (±0.6 mm, 1 mm above to 12 mm deep, ±0.012 rad),
 /// 20 mm/s and 0.2 rad/s, upwards above 30 N.
-pub struct Wanderer {
-    pub rig: Rig,
+pub(crate) struct Wanderer {
+    pub(crate) rig: Rig,
     rng: ChaCha8Rng,
     goal: (Vector3, Vector3),
     last: Wrench,
@@ -19,13 +19,13 @@ pub struct Wanderer {
 }
 
 impl Wanderer {
-    pub fn new(config: &SimConfig, seed: u64) -> Self {
+    pub(crate) fn new(config: &SimConfig, seed: u64) -> Self {
         let rig = Rig::new(config, [0.0, 0.0, 0.002], [0.0; 3]);
         let goal = (rig.tip, rig.tilt);
         Self { rig, rng: ChaCha8Rng::seed_from_u64(seed), goal, last: Wrench::zero(), tick: 0 }
     }
 
-    pub fn step(&mut self) -> Wrench {
+    pub(crate) fn step(&mut self) -> Wrench {
         if self.tick.is_multiple_of(25) {
             let mut within = |low: f64, high: f64| self.rng.random_range(low..high);
             self.goal = (

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::rig::{config, flange};
 
 /// Depth of the deepest of many points on the peg's edges in the board's material, m.
-pub fn sampled_depth(hole_T_tip: &Pose, config: &SimConfig) -> f64 {
+pub(crate) fn sampled_depth(hole_T_tip: &Pose, config: &SimConfig) -> f64 {
     let (half, length) = (config.peg.width / 2.0, config.peg.length);
     let (hole, chamfer) = ((config.peg.width + config.hole.clearance) / 2.0, config.hole.chamfer);
     let depth_at = |x: f64, y: f64, z: f64| {
