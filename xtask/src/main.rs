@@ -35,6 +35,7 @@ Repository:
   tidy             layering, file size, links, assets, stray paths
   bench [ARGS…]    criterion benchmarks
   examples         every tutorial program, with --quick
+  stability        which contacts make the force loop oscillate: docs/results/stability.md and its pictures
   help             this text
 ";
 
@@ -64,6 +65,11 @@ fn run() -> anyhow::Result<ExitCode> {
         Some("bench") => {
             let sh = workspace::shell()?;
             cmd!(sh, "cargo bench --workspace --bench * {rest...}").run()?;
+        }
+        Some("stability") => {
+            let sh = workspace::shell()?;
+            cmd!(sh, "cargo run --release -p palpate-control --example stability_map -- {rest...}")
+                .run()?;
         }
         Some("examples") => println!("{} programs ran", examples::command()?),
         _ => {

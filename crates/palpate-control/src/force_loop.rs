@@ -44,7 +44,7 @@ impl ForceLoop {
         let stiffness = |angle: f64| {
             let z = Complex::from_polar(1.0, angle);
             let pose = self.pose(z);
-            -(pose * law.from_pose(z) + 1.0) / (pose * law.from_force(z) * self.filter(angle))
+            -(pose * law.pose_gain(z) + 1.0) / (pose * law.force_gain(z) * self.filter(angle))
         };
         // Logarithmic from far below any loop's bandwidth to just below half the sampling rate.
         let (first, last) = (1e-6f64, std::f64::consts::PI * (1.0 - 1e-9));
@@ -132,11 +132,11 @@ impl Axis {
         matches!(self.force, Force::Proportional { gain: 0.0, .. })
     }
 
-    fn from_pose(&self, z: Complex<f64>) -> Complex<f64> {
+    fn pose_gain(&self, z: Complex<f64>) -> Complex<f64> {
         -z.inv() * self.kd + (self.kp + self.kd)
     }
 
-    fn from_force(&self, z: Complex<f64>) -> Complex<f64> {
+    fn force_gain(&self, z: Complex<f64>) -> Complex<f64> {
         match &self.force {
             Force::Proportional { gain, integral_ratio } => {
                 (z / (z - 1.0) * (integral_ratio * self.period) + 1.0) * *gain

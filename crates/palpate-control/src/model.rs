@@ -176,7 +176,7 @@ impl GainSpec {
         let (base, range) = (self.base[axis], self.range[axis]);
         let is_selection = greatest == 1.0;
         let (base_fits, base_must) = if is_selection {
-            (base >= 0.0 && base <= 1.0, "within [0, 1]")
+            ((0.0..=1.0).contains(&base), "within [0, 1]")
         } else {
             (base > 0.0 && base.is_finite(), "positive and finite")
         };

@@ -1,4 +1,5 @@
 //! What a model may do that is allowed and unwise.
+#![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN is no all-clear")]
 
 use palpate_spatial::Vector6;
 

@@ -1,4 +1,5 @@
 //! Actions to motion and gains: Table I of the paper as the files of `assets/policies/`.
+#![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 
 mod support;
 

@@ -1,4 +1,5 @@
 //! Eqs. 2–4, F = m_d ẍ + b_d ẋ + k_d x with b_d = 2ζ√(k_d m_d), against the analytic solution.
+#![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 
 mod support;
 

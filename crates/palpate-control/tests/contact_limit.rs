@@ -3,6 +3,7 @@
 //!
 //! At 20 µs a tick is short enough for the loop to be the continuous one of the formulas: just below the
 //! limit an oscillation dies, just above it grows.
+#![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 
 mod support;
 

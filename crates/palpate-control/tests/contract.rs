@@ -1,4 +1,5 @@
 //! The four points of [`ForceController`]'s contract, for both laws in every form.
+#![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 
 mod support;
 

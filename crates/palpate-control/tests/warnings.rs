@@ -1,4 +1,5 @@
 //! Warnings fire where a simulated loop diverges, and not where it settles.
+#![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 
 mod support;
 
@@ -61,7 +62,7 @@ fn settles(rule: DerivativeRule, kp: f64, selection: f64, axis: usize) -> bool {
         let pose_error = pose_error_vector_part(&goal, &tool);
         let input = ControlInput { pose_error, wrench: Wrench::zero(), action: Twist::zero() };
         let u = law.update(&input, DT);
-        if !(u.vector().amax() < 1e3) {
+        if u.vector().amax().is_nan() || u.vector().amax() > 1e3 {
             return false;
         }
         tool = integrate(&tool, &u, DT);

@@ -1,5 +1,6 @@
 //! Laws, gains and inputs shared by the integration tests.
 #![expect(dead_code, unreachable_pub, reason = "every user takes what it needs")]
+#![expect(clippy::unwrap_used, reason = "our own files load")]
 
 use palpate_control::{
     ActionPlacement, AdmittanceConfig, AdmittanceGains, AdmittanceOutput, ControlConfig,
