@@ -182,8 +182,7 @@ mod tests {
         let chain = SerialChain::from_urdf_str(urdf, "base_link", "tool0").unwrap();
         let right = std::f64::consts::FRAC_PI_2;
         let q = JointVector::from([0.0, -right, right, -right, -right, 0.0]);
-        let into =
-            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let into = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let tip = chain.forward(&q) * Pose::translation(0.0, 0.0, 0.160);
         let base_T_hole = Pose::from_parts(tip.translation, tip.rotation * into);
         SimArm::new(chain, base_T_hole, &config, q, 1).unwrap()

@@ -31,7 +31,8 @@ fn arm(config: &SimConfig, above: f64) -> Result<SimArm, SimError> {
 /// The same with the hole `beside` metres to the side.
 fn arm_beside(config: &SimConfig, above: f64, beside: f64) -> Result<SimArm, SimError> {
     let tool0 = chain().forward(&HOME.into());
-    let down = tool0.rotation * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    let down =
+        tool0.rotation * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
     let tip = tool0 * nalgebra::Point3::new(beside, 0.0, 0.150 + above);
     SimArm::new(chain(), Pose::from_parts(tip.coords.into(), down), config, HOME.into(), 1)
 }
@@ -113,8 +114,10 @@ fn settings_that_cannot_work_are_refused_with_what_would() {
     };
     assert!(message(|c| c.hole.clearance = 0.0).contains("sim.hole.clearance"));
     assert!(message(|c| c.hole.clearance = -1e-3).contains("positive"));
-    assert!(message(|c| c.solver.prediction_distance = 1e-4).contains("half the clearance per side"));
+    assert!(
+        message(|c| c.solver.prediction_distance = 1e-4).contains("half the clearance per side")
+    );
     assert!(message(|c| c.tool.mass = f64::NAN).contains("sim.tool.mass"));
     let inside = arm_beside(&rig::config(1e-3, 0.0), -0.003, 0.005).unwrap_err().to_string();
-    assert!(inside.contains("3.0 mm inside the board"), "{inside}");
+    assert!(inside.contains("3.000 mm inside the board"), "{inside}");
 }

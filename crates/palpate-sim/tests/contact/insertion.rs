@@ -93,7 +93,10 @@ fn lateral_play_and_stiffness_are_those_of_the_fit() {
             let expected = (stiffness * (0.15e-3 - clearance / 2.0)).max(0.0);
             // The damper adds D·v, 0.1 N at most, in front of the wall.
             let error = (peak - expected).abs();
-            assert!(error < 0.02 * expected + 0.25, "{clearance}: {peak:.2} against {expected:.2} N");
+            assert!(
+                error < 0.02 * expected + 0.25,
+                "{clearance}: {peak:.2} against {expected:.2} N"
+            );
         }
     }
 }
@@ -115,7 +118,11 @@ fn a_chamfer_guides_a_peg_that_a_sharp_mouth_stops() {
     // The wall pushes the soft lateral spring back by what is left of the offset.
     let stiffness = 1.0 / (1.0 / 1e4 + 0.14f64.powi(2) / 100.0);
     let expected = -stiffness * 0.5e-3;
-    assert!((wrench.force.x / expected - 1.0).abs() < 0.05, "{:.2} against {expected:.2} N", wrench.force.x);
+    assert!(
+        (wrench.force.x / expected - 1.0).abs() < 0.05,
+        "{:.2} against {expected:.2} N",
+        wrench.force.x
+    );
 }
 
 #[test]
