@@ -11,6 +11,8 @@ const RATIO_PER_PASS: f64 = 0.5;
 const FACE_STIFFNESS: f64 = 3.6;
 /// Part of a press that may be the contact's own give.
 const CONTACT_SHARE: f64 = 0.02;
+/// Smallest clearance worth simulating, m.
+const CLEARANCE_MIN: f64 = 1e-5;
 /// Time per tick, s.
 const TICK: f64 = 0.002;
 /// World steps per tick that are worth suggesting.
@@ -44,7 +46,6 @@ impl SimConfig {
         let positive = [
             ("peg.width", self.peg.width),
             ("peg.length", self.peg.length),
-            ("hole.clearance", self.hole.clearance),
             ("hole.depth", self.hole.depth),
             ("hole.board_half_width", self.hole.board_half_width),
             ("tool.mass", self.tool.mass),
@@ -105,6 +106,9 @@ impl SimConfig {
 
     fn check_geometry(&self) -> Result<(), SimError> {
         let per_side = self.hole.clearance / 2.0;
+        at_least("hole.clearance", self.hole.clearance, CLEARANCE_MIN, || {
+            "contacts give way by micrometres".into()
+        })?;
         at_most(
             "solver.prediction_distance",
             self.solver.prediction_distance,
@@ -232,9 +236,9 @@ impl SimConfig {
         for _ in 0..60 {
             let middle = f64::midpoint(low, high);
             if self.settles(spring, middle, self.solver.steps_per_tick) {
-                low = middle
+                low = middle;
             } else {
-                high = middle
+                high = middle;
             }
         }
         low

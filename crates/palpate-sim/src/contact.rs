@@ -65,11 +65,12 @@ impl ContactWorld {
 
     /// The same for settings that were checked, wherever the flange is.
     pub(crate) fn build(config: &SimConfig, hole_T_flange: &Pose) -> Self {
-        let mut world = PhysicsWorld::default();
-        world.narrow_phase =
-            NarrowPhase::with_query_dispatcher(Exact.chain(DefaultQueryDispatcher));
-        world.gravity = rapier3d_f64::math::Vector::ZERO;
-        world.integration_parameters = parameters(config);
+        let mut world = PhysicsWorld {
+            narrow_phase: NarrowPhase::with_query_dispatcher(Exact.chain(DefaultQueryDispatcher)),
+            gravity: rapier3d_f64::math::Vector::ZERO,
+            integration_parameters: parameters(config),
+            ..PhysicsWorld::default()
+        };
         let (peg, hole) = (Part::peg(config), Part::hole(config));
         let bodies = insert(&mut world, config, (&peg, &hole), hole_T_flange);
         Self { world, bodies, peg, hole, flange_pose: *hole_T_flange, config: config.clone() }
@@ -208,7 +209,7 @@ fn parameters(config: &SimConfig) -> IntegrationParameters {
         contact_clustering: false,
         max_ccd_substeps: 0,
         friction_model: FrictionModel::Coulomb,
-        friction_in_bias_pass: false,
+        friction_in_bias_pass: true,
         warmstart_joints: true,
         ..IntegrationParameters::default()
     }

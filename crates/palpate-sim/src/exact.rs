@@ -189,7 +189,7 @@ impl<M: Default + Clone, C: Default + Copy> Slots<'_, M, C> {
         let (family, start) = self.layout.families[touch.family];
         let to_peg = self.hole_T_peg.rotation.inverse();
         let on_peg = self.hole_T_peg.inverse_transform_point(touch.on_peg);
-        let mut contact = TrackedContact::flipped(
+        let contact = TrackedContact::flipped(
             touch.on_hole,
             on_peg,
             PackedFeatureId::vertex(touch.key),
@@ -211,12 +211,10 @@ impl<M: Default + Clone, C: Default + Copy> Slots<'_, M, C> {
         let (n_hole, n_peg) = (touch.normal, to_peg * -touch.normal);
         (manifold.local_n1, manifold.local_n2) =
             if self.hole_first { (n_hole, n_peg) } else { (n_peg, n_hole) };
-        match point {
-            Some(i) => manifold.points[i].copy_geometry_from(contact),
-            None => {
-                contact.data = C::default();
-                manifold.points.push(contact);
-            }
+        if let Some(i) = point {
+            manifold.points[i].copy_geometry_from(contact);
+        } else {
+            manifold.points.push(contact);
         }
     }
 

@@ -42,8 +42,9 @@
 //!
 //! rapier's defaults stop a perfectly aligned peg at the mouth with 20 N, because contacts are predicted
 //! 20 mm ahead. What works at clearances of 0.05–1 mm: a prediction distance far below the clearance,
-//! contacts as stiff as 1000 Hz, several Gauss-Seidel passes per substep, Coulomb friction, no contact
-//! recycling or clustering. `docs/results/contact.md` holds the measurements.
+//! contacts as stiff as 1000 Hz, several Gauss-Seidel passes per substep, Coulomb friction that also acts while
+//! overlaps are corrected (without it a wedged round peg walks out of its wedge), no contact recycling or
+//! clustering. `docs/results/contact.md` holds the measurements.
 //!
 //! # Map
 //!

@@ -9,7 +9,7 @@
 use rapier3d_f64::math::{Pose, Vector};
 
 use crate::profile::{Face, Outline, Part};
-use crate::touch::{Family, Layout, Touch};
+use crate::touch::{Family, Layout, REACH, Touch, is_near};
 
 /// The families of contacts between a prism of `sides` and its hole: the top, then per side the wall, the
 /// chamfer, what the long edges do and what each tip edge does.
@@ -21,6 +21,7 @@ pub(crate) fn layout(sides: usize) -> Layout {
 struct Edge {
     from: Vector,
     along: Vector,
+    is_long: bool,
     /// Its number: long edges first, then tip edges.
     index: usize,
 }
@@ -33,17 +34,19 @@ struct Wedge<'a> {
 }
 
 impl Wedge<'_> {
-    /// Least depth of a point in a wedge, and the face.
-    fn depth_in(&self, side: usize, point: Vector) -> (f64, usize) {
+    /// Least and next depth of a point in a wedge, and the face of the least.
+    fn depth_in(&self, side: usize, point: Vector) -> ((f64, f64), usize) {
         let across = self.normals[side].dot(point);
-        let mut best = (f64::INFINITY, 0);
+        let (mut depths, mut face) = ((f64::INFINITY, f64::INFINITY), 0);
         for (i, f) in self.faces.iter().enumerate() {
             let depth = f.depth(across, point.z);
-            if depth < best.0 {
-                best = (depth, i);
+            if depth < depths.0 {
+                (depths, face) = ((depth, depths.0), i);
+            } else if depth < depths.1 {
+                depths.1 = depth;
             }
         }
-        best
+        (depths, face)
     }
 
     /// Whether another wedge holds the point under its top, where this one's other faces do not exist.
@@ -52,7 +55,7 @@ impl Wedge<'_> {
             if k == self.side {
                 return false;
             }
-            let (depth, face) = self.depth_in(k, point);
+            let ((depth, _), face) = self.depth_in(k, point);
             if is_top {
                 // The same top: the side that lies farther out reports it, of equal ones the first.
                 let (own, other) = (self.normals[self.side].dot(point), self.normals[k].dot(point));
@@ -85,8 +88,8 @@ pub(crate) fn touches(
         let family = |what: usize| 1 + side * (3 + sides) + what;
         for i in 0..sides {
             let point = tip(i);
-            let (depth, face) = wedge.depth_in(side, point);
-            if depth > -prediction && !wedge.is_hidden(point, face == 0) {
+            let (depths, face) = wedge.depth_in(side, point);
+            if is_near(depths, prediction) && !wedge.is_hidden(point, face == 0) {
                 let f = &hole.faces[face];
                 let kind = match (face, f.axial == 0.0) {
                     (0, _) => 0,
@@ -94,14 +97,14 @@ pub(crate) fn touches(
                     (_, false) => family(1),
                 };
                 let n = wedge.normal(f.radial, f.axial);
-                found(Touch::of_peg(kind, i as u32, point, n, depth));
+                found(Touch::of_peg(kind, i as u32, point, n, depths.0));
             }
         }
         for i in 0..sides {
             let from = tip(i);
-            let long = Edge { from, along, index: i };
+            let long = Edge { from, along, is_long: true, index: i };
             crossings(&wedge, &long, family(2), prediction, &mut found);
-            let across = Edge { from, along: tip(i + 1) - from, index: sides + i };
+            let across = Edge { from, along: tip(i + 1) - from, is_long: false, index: sides + i };
             crossings(&wedge, &across, family(3 + i), prediction, &mut found);
         }
     }
@@ -127,16 +130,18 @@ fn crossings(
             continue;
         }
         let deep = depth(a) + t * rise_a;
-        if !(deep > -prediction) {
-            continue;
-        }
         // A maximum along the edge, or the end of a stretch that lies flat.
         let share = (rise_b / (rise_b - rise_a)).clamp(0.0, 1.0);
-        if rise_a * rise_b > 0.0 && !(rise_a.abs().min(rise_b.abs()) < prediction) {
+        let is_end = rise_a.abs().min(rise_b.abs()) < prediction;
+        let is_maximum = rise_a * rise_b < 0.0;
+        // Away from its ends a long edge can meet the hole's edge within the step.
+        let is_inside =
+            edge.is_long && is_maximum && t.min(1.0 - t) * edge.along.length() > 4.0 * prediction;
+        if !((is_end || is_maximum) && (deep > -prediction || is_inside && deep > -REACH)) {
             continue;
         }
         let point = edge.from + edge.along * t;
-        let (least, _) = wedge.depth_in(wedge.side, point);
+        let ((least, _), _) = wedge.depth_in(wedge.side, point);
         if least < deep - 1e-12 || wedge.is_hidden(point, false) || outside_opening(wedge, point) {
             continue;
         }

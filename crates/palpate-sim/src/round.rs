@@ -9,14 +9,16 @@
 use rapier3d_f64::math::{Pose, Vector};
 
 use crate::profile::{Face, Part};
-use crate::touch::{Family, Layout, Touch};
+use crate::touch::{Family, Layout, Touch, is_near};
 
 /// Directions in which a circle is sampled before its maxima are refined.
 const SAMPLES: usize = 32;
 /// tan of the angle between two of them.
 const REACH: f64 = 0.198_912_367_379_658;
 /// Maxima lower than this at the nearest sample cannot be in contact, m.
-const HOPELESS: f64 = -1e-3;
+const HOPELESS: f64 = -2e-3;
+/// A flat landing gets a fifth point where it is lower than its four by this part of the prediction distance.
+const LEANING: f64 = 0.02;
 /// Bisections of a bracket: from 0.4 rad to 1e-10 rad.
 const BISECTIONS: u32 = 32;
 /// Simultaneous contacts along one edge of the peg, and of the hole.
@@ -54,6 +56,8 @@ struct Place {
     point: Vector,
     rho: f64,
     depth: f64,
+    /// Least depth under the other faces.
+    next: f64,
     face: usize,
     /// d(depth)/dφ of the face.
     slope: f64,
@@ -88,18 +92,19 @@ impl Circle {
     fn at(&self, (c, s): (f64, f64), faces: &[Face]) -> Place {
         let point = self.centre + self.u * c + self.v * s;
         let tangent = self.v * c - self.u * s;
-        let rho = (point.x * point.x + point.y * point.y).sqrt();
-        let mut best = (f64::INFINITY, 0);
+        let rho = point.truncate().length();
+        let (mut depth, mut next, mut index) = (f64::INFINITY, f64::INFINITY, 0);
         for (i, f) in faces.iter().enumerate() {
-            let depth = f.depth(rho, point.z);
-            if depth < best.0 {
-                best = (depth, i);
+            let d = f.depth(rho, point.z);
+            if d < depth {
+                (depth, next, index) = (d, depth, i);
+            } else if d < next {
+                next = d;
             }
         }
-        let (depth, index) = best;
         let outward = (point.x * tangent.x + point.y * tangent.y) / rho.max(1e-12);
         let slope = -faces[index].radial * outward - faces[index].axial * tangent.z;
-        Place { point, rho, depth, face: index, slope }
+        Place { point, rho, depth, next, face: index, slope }
     }
 
     /// The local maximum within a sample's spacing, and the faces that are least on its two sides.
@@ -150,14 +155,14 @@ pub(crate) fn touches(
 ) {
     for (i, corner) in peg.corners.iter().enumerate() {
         let circle = Circle::new(*corner, hole_T_peg);
-        if circle.deepest_bound(&hole.faces) > -prediction {
+        if circle.deepest_bound(&hole.faces) > HOPELESS {
             rim(&circle, &hole.faces, 2 + i, prediction, &mut found);
         }
     }
     let peg_T_hole = hole_T_peg.inverse();
     for (i, corner) in hole.corners.iter().enumerate() {
         let circle = Circle::new(*corner, &peg_T_hole);
-        if circle.deepest_bound(&peg.faces) > -prediction {
+        if circle.deepest_bound(&peg.faces) > HOPELESS {
             let family = 2 + peg.corners.len() + i;
             edge(&circle, &peg.faces, family, prediction, hole_T_peg, &mut found);
         }
@@ -179,7 +184,7 @@ fn rim(
     let mut supported = f64::NEG_INFINITY;
     for i in (0..SAMPLES).step_by(SAMPLES / 4) {
         let place = &places[i];
-        if flat(place) && place.depth > -prediction {
+        if flat(place) && is_near((place.depth, place.next), prediction) {
             supported = supported.max(place.depth);
             let n = normal(place, 0.0, 1.0);
             found(Touch::of_peg(0, key(i), place.point, n, place.depth));
@@ -199,19 +204,19 @@ fn rim(
         }
         if place.depth > last.depth && place.depth >= next.depth && place.depth > HOPELESS {
             let (top, before, after) = circle.refine(CIRCLE[i], place, faces);
-            if !(top.depth > -prediction) {
-                continue;
-            }
             let (a, b) = (&faces[before.face], &faces[after.face]);
             if before.face == after.face {
+                if !is_near((top.depth, top.next), prediction) {
+                    continue;
+                }
                 if before.face != TOP {
                     let n = normal(&top, a.radial, a.axial);
                     found(Touch::of_peg(family, key(i), top.point, n, top.depth));
-                } else if top.depth > supported + 1e-9 {
+                } else if top.depth > supported + prediction * LEANING {
                     let n = normal(&top, 0.0, 1.0);
                     found(Touch::of_peg(1, key(i), top.point, n, top.depth));
                 }
-            } else if !is_level(circle, prediction) {
+            } else if top.depth > -prediction && !is_level(circle, prediction) {
                 let share = after.slope / (after.slope - before.slope);
                 let mix = |a: f64, b: f64| share * a + (1.0 - share) * b;
                 let (radial, axial) = (mix(a.radial, b.radial), mix(a.axial, b.axial));
@@ -248,9 +253,9 @@ fn crossing(
         let x = f64::midpoint(low, high);
         let (is_first, at) = ahead(x);
         if is_first {
-            low = x
+            low = x;
         } else {
-            high = x
+            high = x;
         }
         place = at;
     }
@@ -277,7 +282,7 @@ fn edge(
         let f = &faces[before.face];
         // A level landing was found from the peg's side too.
         let level = f.is_flat() && is_level(circle, prediction);
-        if top.depth > -prediction && before.face == after.face && !level {
+        if is_near((top.depth, top.next), prediction) && before.face == after.face && !level {
             let n = normal(&top, f.radial, f.axial);
             let key = (family * SAMPLES + i) as u32;
             found(Touch::of_hole(family, key, top.point, n, top.depth, hole_T_peg));
