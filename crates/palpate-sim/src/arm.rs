@@ -191,11 +191,11 @@ mod tests {
     #[test]
     fn a_broken_engine_is_reported_counted_and_rebuilt() {
         let mut arm = arm();
-        let sabotages: [(fn(&mut ContactWorld), EngineFault); 2] = [
-            (ContactWorld::sabotage, EngineFault::Panic),
+        type Sabotage = fn(&mut ContactWorld);
+        for (sabotage, expected) in [
+            (ContactWorld::sabotage as Sabotage, EngineFault::Panic),
             (ContactWorld::poison, EngineFault::NotFinite),
-        ];
-        for (sabotage, expected) in sabotages {
+        ] {
             let before = (arm.read().unwrap(), arm.fault_count());
             sabotage(&mut arm.world);
             for _ in 0..2 {

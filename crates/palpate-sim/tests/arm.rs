@@ -119,5 +119,5 @@ fn settings_that_cannot_work_are_refused_with_what_would() {
     );
     assert!(message(|c| c.tool.mass = f64::NAN).contains("sim.tool.mass"));
     let inside = arm_beside(&rig::config(1e-3, 0.0), -0.003, 0.005).unwrap_err().to_string();
-    assert!(inside.contains("3.0 mm inside the board"), "{inside}");
+    assert!(inside.contains("3.000 mm inside the board"), "{inside}");
 }

@@ -1,6 +1,6 @@
 //! A stiff rig (100 N/mm, 1000 N·m/rad) driven straight at the contact world, without an arm.
 
-use palpate_sim::{ComplianceConfig, ContactWorld, SimConfig};
+use palpate_sim::{ComplianceConfig, ContactWorld, Holder, PegShape, ReceptacleConfig, SimConfig};
 use palpate_spatial::{Pose, UnitQuaternion, Vector3, Wrench};
 
 /// Control period, s.
@@ -13,6 +13,37 @@ pub(crate) fn config(clearance: f64, chamfer: f64) -> SimConfig {
     let mut config: SimConfig = toml::from_str(include_str!("stiff.toml")).unwrap();
     config.hole.clearance = clearance;
     config.hole.chamfer = chamfer;
+    config
+}
+
+/// A round peg of the same width.
+pub(crate) fn round(clearance: f64, chamfer: f64) -> SimConfig {
+    let mut config = config(clearance, chamfer);
+    config.peg.shape = PegShape::Round;
+    config
+}
+
+/// A 25 mm thick ring, 40 mm across, over a bolt of the same width.
+pub(crate) fn ring(clearance: f64, chamfer: f64) -> SimConfig {
+    let mut config = round(clearance, chamfer);
+    config.peg.holder = Holder::Fixture;
+    config.hole.board_half_width = 0.020;
+    config
+}
+
+/// The round peg and a hole in a body of 0.3 kg on a spring of 50 N/mm and 500 N·m/rad.
+pub(crate) fn sprung(clearance: f64, chamfer: f64) -> SimConfig {
+    let mut config = round(clearance, chamfer);
+    config.receptacle = Some(ReceptacleConfig {
+        mass: 0.3,
+        inertia: [2e-4, 2e-4, 2e-4],
+        compliance: ComplianceConfig {
+            linear_stiffness: 5e4,
+            angular_stiffness: 500.0,
+            linear_damping: 150.0,
+            angular_damping: 0.6,
+        },
+    });
     config
 }
 
