@@ -13,6 +13,9 @@ pub struct ForceLoop {
     pub cutoff: f64,
     /// First-order lag of the arm's servo, s; 0 where the arm follows at once.
     pub servo_lag: f64,
+    /// Whether every command starts from the measured pose, as the paper's authors do, and not from the last
+    /// command. Behind a servo lag the arm then goes only a part of each way, and the loop is as much slower.
+    pub rebased: bool,
     /// Period of the control loop, s.
     pub period: f64,
 }
@@ -33,7 +36,7 @@ impl ForceLoop {
     /// loop is on the edge of stability where 1 + P·C_x + k·P·C_F·H = 0 on the unit circle. That k is real
     /// only at crossings; the least positive one is the limit.
     pub fn contact_limit(&self, control: &ControlConfig, gains: &Gains, axis: usize) -> f64 {
-        let Self { cutoff, servo_lag, period } = *self;
+        let Self { cutoff, servo_lag, period, .. } = *self;
         if !(cutoff > 0.0 && cutoff < 0.5 / period && servo_lag >= 0.0 && period > 0.0) {
             return f64::NAN;
         }
@@ -68,11 +71,12 @@ impl ForceLoop {
         least
     }
 
-    /// From twist to pose: the integrated set-point, then the servo.
+    /// From twist to pose: the integrated set-point, then the servo; or the servo's part of every way.
     fn pose(&self, z: Complex<f64>) -> Complex<f64> {
         let follow =
             if self.servo_lag > 0.0 { -(-self.period / self.servo_lag).exp_m1() } else { 1.0 };
-        z * (self.period * follow) / ((z - 1.0) * (z - (1.0 - follow)))
+        let way = (z - 1.0).inv() * (self.period * follow);
+        if self.rebased { way } else { way * z / (z - (1.0 - follow)) }
     }
 
     /// The bilinear transform puts the analog filter's frequency at tan(θ/2).

@@ -36,6 +36,9 @@ fn growth(
             let wrench = filter.update(&Wrench::from(along(-k * pose)));
             let error = -pose * if axis < 3 { 1.0 } else { 0.5 };
             let input = ControlInput { pose_error: along(error), wrench, action: Twist::zero() };
+            if force_loop.rebased {
+                set_point = pose;
+            }
             set_point += law.update(&input, dt).vector()[axis] * dt;
             pose += (set_point - pose) * follow;
             *part += pose * pose;
@@ -65,7 +68,7 @@ const CUTOFFS: [f64; 4] = [2.5, 10.0, 50.0, 200.0];
 fn of_the_parallel_law() {
     for servo_lag in LAGS {
         for cutoff in CUTOFFS {
-            let force_loop = ForceLoop { cutoff, servo_lag, period: DT };
+            let force_loop = ForceLoop { cutoff, servo_lag, rebased: false, period: DT };
             for (kp, kf, s) in [(1.0, 9e-3, 0.1), (5.0, 5e-3, 0.5), (9.0, 1e-3, 0.9)] {
                 for axis in [2, 4] {
                     is_the_limit(&force_loop, &control(), &parallel_gains(kp, kf, s), axis);
@@ -84,7 +87,7 @@ fn of_the_admittance_law_in_both_outputs() {
             control.admittance.damping_ratio = damping_ratio;
             for servo_lag in LAGS {
                 for cutoff in CUTOFFS {
-                    let force_loop = ForceLoop { cutoff, servo_lag, period: DT };
+                    let force_loop = ForceLoop { cutoff, servo_lag, rebased: false, period: DT };
                     for kd in [100.0, 500.0] {
                         for axis in [0, 5] {
                             is_the_limit(&force_loop, &control, &admittance_gains(1.0, kd), axis);
@@ -98,7 +101,7 @@ fn of_the_admittance_law_in_both_outputs() {
 
 #[test]
 fn of_derivatives_and_strong_integrals() {
-    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, period: DT };
+    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, rebased: false, period: DT };
     for rule in [DerivativeRule::Critical, DerivativeRule::Tenth, DerivativeRule::RootTimesBase] {
         for placement in [ActionPlacement::OutsideSelection, ActionPlacement::InsideSelection] {
             let mut control = control();
@@ -115,8 +118,21 @@ fn of_derivatives_and_strong_integrals() {
 }
 
 #[test]
+fn of_commands_that_start_from_the_measured_pose() {
+    for servo_lag in LAGS {
+        for cutoff in CUTOFFS {
+            let force_loop = ForceLoop { cutoff, servo_lag, rebased: true, period: DT };
+            for axis in [2, 4] {
+                is_the_limit(&force_loop, &control(), &parallel_gains(1.0, 9e-3, 0.1), axis);
+                is_the_limit(&force_loop, &control(), &admittance_gains(1.0, 300.0), axis);
+            }
+        }
+    }
+}
+
+#[test]
 fn every_axis_has_its_own_gains() {
-    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, period: DT };
+    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, rebased: false, period: DT };
     let ramp = Vector6::from_fn(|j, _| 1.0 + j as f64);
     let parallel =
         Gains::Parallel(ParallelGains { kp_x: ramp, kp_f: ramp * 1e-3, selection: ramp * 0.1 });
@@ -131,7 +147,7 @@ fn every_axis_has_its_own_gains() {
 fn without_lag_and_with_short_ticks_it_is_the_closed_form() {
     let control = control();
     for cutoff in [2.5, 50.0] {
-        let force_loop = ForceLoop { cutoff, servo_lag: 0.0, period: 1e-6 };
+        let force_loop = ForceLoop { cutoff, servo_lag: 0.0, rebased: false, period: 1e-6 };
         let limit = force_loop.contact_limit(&control, &parallel_gains(1.0, 9e-3, 0.1), 0);
         let closed = control.parallel.contact_limit(1.0, 9e-3, 0.1, cutoff);
         assert!((limit / closed - 1.0).abs() < 2e-3, "{limit} for {closed}");
@@ -143,7 +159,7 @@ fn without_lag_and_with_short_ticks_it_is_the_closed_form() {
 
 #[test]
 fn a_law_that_does_not_hear_the_force_has_no_limit() {
-    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, period: DT };
+    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, rebased: false, period: DT };
     for gains in [parallel_gains(1.0, 5e-3, 1.0), parallel_gains(1.0, 0.0, 0.5)] {
         assert_eq!(force_loop.contact_limit(&control(), &gains, 0), f64::INFINITY);
     }

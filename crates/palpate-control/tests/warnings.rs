@@ -152,7 +152,7 @@ fn a_model_that_settles_within_a_tick_is_warned_of() {
 
 #[test]
 fn a_contact_beyond_the_limit_of_the_strongest_gains_is_warned_of() {
-    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, period: DT };
+    let force_loop = ForceLoop { cutoff: 50.0, servo_lag: 0.010, rebased: false, period: DT };
     for (name, _) in MODELS {
         let model = model(name);
         // The strongest force gain, the least S or k_d, and the K_p that damps least.

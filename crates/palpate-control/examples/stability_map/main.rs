@@ -43,7 +43,7 @@ pub(crate) struct Form {
 }
 
 fn main() -> anyhow::Result<()> {
-    let preset = Preset::load()?;
+    let preset = Preset::load("palpate")?;
     let forms = forms(&preset.control);
     let folder = preset::root().join("docs/results/stability");
     std::fs::create_dir_all(&folder)?;
@@ -60,8 +60,14 @@ fn main() -> anyhow::Result<()> {
     let limits = tables::limits(&preset, &forms)?;
     let corners = tables::corners(&preset)?;
     let least = tables::least_stiffness(&preset)?;
-    println!("{limits}\n{corners}\n{least}");
-    tables::write(&[("limits", &limits), ("corners", &corners), ("least k_d", &least)])
+    let paper = tables::corners(&Preset::load("paper")?)?;
+    println!("{limits}\n{corners}\n{least}\n{paper}");
+    tables::write(&[
+        ("limits", &limits),
+        ("corners", &corners),
+        ("least k_d", &least),
+        ("corners of paper", &paper),
+    ])
 }
 
 fn forms(control: &ControlConfig) -> Vec<Form> {

@@ -1,4 +1,4 @@
-//! The default preset and the policy models, as the repository has them.
+//! The presets and the policy models, as the repository has them.
 
 use std::path::PathBuf;
 
@@ -34,8 +34,13 @@ fn read(path: &str) -> anyhow::Result<toml::Table> {
 }
 
 impl Preset {
-    pub(crate) fn load() -> anyhow::Result<Self> {
-        let table = read("assets/presets/palpate.toml")?;
+    /// `assets/presets/NAME.toml`.
+    pub(crate) fn load(name: &str) -> anyhow::Result<Self> {
+        let table = read(&format!("assets/presets/{name}.toml"))?;
+        let reference = table
+            .get("env")
+            .and_then(|env| env.get("reference")?.as_str())
+            .context("the preset has no env.reference")?;
         let number = |path: &[&str]| {
             let (key, tables) = path.split_last().context("no key")?;
             tables
@@ -53,6 +58,7 @@ impl Preset {
             force_loop: ForceLoop {
                 cutoff: number(&["safety", "force_filter_cutoff"])?,
                 servo_lag: number(&["sim", "servo", "lag"])?,
+                rebased: reference == "measured",
                 period: 0.002,
             },
             stiffness: number(&["sim", "compliance", "linear_stiffness"])?,

@@ -54,7 +54,7 @@ impl Press {
         };
         let mut law = Controller::new(control, law)?;
         law.set_gains(gains)?;
-        let ForceLoop { cutoff, servo_lag, period } = self.force_loop;
+        let ForceLoop { cutoff, servo_lag, rebased, period } = self.force_loop;
         let mut filter = LowPass::new(cutoff, 1.0 / period);
         let follow = if servo_lag > 0.0 { -(-period / servo_lag).exp_m1() } else { 1.0 };
         // Along z: the tool moves towards the surface, the surface pushes back.
@@ -74,6 +74,9 @@ impl Press {
             let wrench = filter.update(&Wrench::from(along(-force)));
             let pose_error = along(GOAL - depth);
             let input = ControlInput { pose_error, wrench, action: Twist::from(along(action)) };
+            if rebased {
+                set_point = depth;
+            }
             set_point += law.update(&input, period).linear.z * period;
             let step = (set_point - depth) * follow;
             (depth, rate) = (depth + step, step / period);
