@@ -22,7 +22,9 @@ pub type Assets = &'static [(&'static str, &'static str)];
 /// Presets, by name.
 pub const PRESETS: Assets = assets!("presets", "toml": "palpate", "paper");
 /// Tasks, by name.
-pub const TASKS: Assets = assets!("tasks", "toml": "peg-insertion");
+pub const TASKS: Assets = assets!(
+    "tasks", "toml": "peg-insertion", "peg-insertion-sharp", "ring-insertion", "pulley-insertion"
+);
 /// Policy models, by name.
 pub const MODELS: Assets =
     assets!("policies", "toml": "p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18");

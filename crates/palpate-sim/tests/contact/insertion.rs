@@ -143,3 +143,28 @@ fn on_the_chamfer_the_force_leans_by_the_friction_angle() {
     }
     assert!(seen > 20 && worst < 0.02, "{seen} ticks, off by {:.1} %", worst * 100.0);
 }
+
+#[test]
+fn a_hexagonal_peg_enters_freely_and_jams_like_the_others() {
+    let tilt = 1f64.to_radians();
+    for clearance in CLEARANCES {
+        let mut config = config(clearance, 0.0);
+        config.peg.shape = palpate_sim::PegShape::Hexagonal;
+        let mut rig = Rig::new(&config, [0.0, 0.0, 0.002], [0.0; 3]);
+        assert!(
+            rig.push_down(20.0, 0.020).force.z < 3.0,
+            "{clearance}: more than the tool's inertia"
+        );
+        assert!((rig.depth() - 0.020).abs() < 1e-4);
+        if clearance < 5e-4 {
+            let mut rig = Rig::new(&config, [0.0, 0.0, 0.002], [0.0, tilt, 0.0]);
+            rig.push_down(20.0, 0.020);
+            let exact = two_point_depth(clearance, rig.true_tilt());
+            assert!(
+                (rig.depth() / exact - 1.0).abs() < 0.05,
+                "{:.5} against {exact:.5}",
+                rig.depth()
+            );
+        }
+    }
+}
