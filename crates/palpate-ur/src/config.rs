@@ -152,6 +152,11 @@ impl UrConfig {
         within("attempts", self.attempts.into(), 1.0, 100.0)
     }
 
+    /// How long a sample may be missing.
+    pub(crate) fn stale(&self) -> std::time::Duration {
+        std::time::Duration::from_secs_f64(f64::from(self.stale_ticks) / self.frequency)
+    }
+
     /// Joint steps of one period, rad, with room for rounding.
     pub(crate) fn step_max(&self) -> [f64; 6] {
         self.joint_speed_max.map(|speed| speed / self.frequency * 1.05)

@@ -27,7 +27,9 @@ pub enum UrError {
         high: f64,
     },
     /// No connection.
-    #[error("cannot connect to {service} at {address}: {source}; is the controller on, reachable, and the service enabled under Settings, Security, Services?")]
+    #[error(
+        "cannot connect to {service} at {address}: {source}; is the controller on, reachable, and the service enabled under Settings, Security, Services?"
+    )]
     Connect {
         /// RTDE, script or dashboard.
         service: &'static str,
@@ -68,7 +70,9 @@ pub enum UrError {
         waited: Duration,
     },
     /// Samples come, commands do not arrive.
-    #[error("the control program has taken no command for {ticks} samples: it does not hear this computer")]
+    #[error(
+        "the control program has taken no command for {ticks} samples: it does not hear this computer"
+    )]
     NotHeard {
         /// Samples without progress.
         ticks: u32,
@@ -88,16 +92,22 @@ pub enum UrError {
         to: f64,
     },
     /// The safety system stopped the arm, or limits it.
-    #[error("safety status {0}: find the cause at the arm and clear it on the pendant, then acknowledge it here")]
+    #[error(
+        "safety status {0}: find the cause at the arm and clear it on the pendant, then acknowledge it here"
+    )]
     Safety(SafetyStatus),
     /// Power or brakes.
     #[error("robot mode {0}: power the arm on and release its brakes")]
     Mode(RobotMode),
     /// The control program does not run.
-    #[error("the control program does not run ({0}): it was stopped on the pendant, by the watchdog or by a fault; recover loads it again")]
+    #[error(
+        "the control program does not run ({0}): it was stopped on the pendant, by the watchdog or by a fault; recover loads it again"
+    )]
     Program(RuntimeState),
     /// Another program writes the output registers.
-    #[error("the output registers are not ours (token {got}, expected {want}): another control program runs")]
+    #[error(
+        "the output registers are not ours (token {got}, expected {want}): another control program runs"
+    )]
     Foreign {
         /// Found.
         got: i32,
@@ -108,7 +118,9 @@ pub enum UrError {
     #[error("the control program has {0}")]
     Braked(Status),
     /// The control program did not report in time.
-    #[error("the control program did not start within {0:?}: remote control must be on, and the primary and secondary interface enabled under Settings, Security, Services")]
+    #[error(
+        "the control program did not start within {0:?}: remote control must be on, and the primary and secondary interface enabled under Settings, Security, Services"
+    )]
     NotStarted(Duration),
     /// The speed slider is not at 100 %.
     #[error("the speed slider is at {:.0} %: set it to 100 %, set-points are times as well as places", .0 * 100.0)]
@@ -139,7 +151,9 @@ pub enum UrError {
     #[error("this connection only reads: no control program was loaded")]
     ReadOnly,
     /// A person has to look first.
-    #[error("the safety system stopped the arm ({0}): a person must look at it and acknowledge before it moves again")]
+    #[error(
+        "the safety system stopped the arm ({0}): a person must look at it and acknowledge before it moves again"
+    )]
     NeedsOperator(SafetyStatus),
     /// The arm moves and should not.
     #[error("the arm still moves at {speed:.3} rad/s after {waited:?}; it must rest for {what}")]
@@ -188,8 +202,17 @@ impl UrError {
     pub(crate) fn ends_link(&self) -> bool {
         matches!(
             self,
-            Self::Io(_) | Self::Closed | Self::Session(_) | Self::ClockBack { .. } | Self::Type { .. }
+            Self::Io(_)
+                | Self::Closed
+                | Self::Session(_)
+                | Self::ClockBack { .. }
+                | Self::Type { .. }
         )
+    }
+
+    /// Whether the controller may be there in a moment.
+    pub(crate) fn is_away(&self) -> bool {
+        matches!(self, Self::Connect { .. } | Self::Io(_) | Self::Closed | Self::Stalled { .. })
     }
 
     /// Whether an input belongs to another client.

@@ -2,10 +2,10 @@
 
 use palpate_spatial::{JointVector, Pose, UnitQuaternion, Vector3, Wrench};
 
+use crate::UrError;
 use crate::config::ForcePoint;
 use crate::proto::{DataType, Recipe, Record, RobotMode, RuntimeState, SafetyStatus, Value};
 use crate::registers::{REPORT, Status};
-use crate::UrError;
 
 /// What the arm reports every cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -224,7 +224,8 @@ mod tests {
     fn base_axes_become_tool_axes() {
         let s = sample([0.0, 0.0, 0.0, PI, 0.0, 0.0], [0.0; 6], [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]);
         close(s.wrench(ForcePoint::Flange), [1.0, -2.0, -3.0], [0.1, -0.2, -0.3]);
-        let s = sample([0.0, 0.0, 0.0, 0.0, 0.0, PI / 2.0], [0.0; 6], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let s =
+            sample([0.0, 0.0, 0.0, 0.0, 0.0, PI / 2.0], [0.0; 6], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         close(s.wrench(ForcePoint::Flange), [0.0, -1.0, 0.0], [0.0; 3]);
     }
 
@@ -241,12 +242,11 @@ mod tests {
         let s = sample(tcp_pose, offset, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]);
         close(s.wrench(ForcePoint::Flange), [-1.0, 2.0, -3.0], [0.0; 3]);
         // About the tool centre point there is no torque, so about the flange it is p × f.
-        close(
-            s.wrench(ForcePoint::Tcp),
-            [-1.0, 2.0, -3.0],
-            [-0.3, -0.15 + 0.06, 0.04],
+        close(s.wrench(ForcePoint::Tcp), [-1.0, 2.0, -3.0], [-0.3, -0.15 + 0.06, 0.04]);
+        assert!(
+            (s.base_T_flange().translation.vector - base_T_flange.translation.vector).norm()
+                < 1e-12
         );
-        assert!((s.base_T_flange().translation.vector - base_T_flange.translation.vector).norm() < 1e-12);
     }
 
     #[test]
