@@ -1,5 +1,6 @@
 //! The arm as a backend, against a controller on loopback: what it promises when nothing goes wrong.
 
+#[expect(dead_code, reason = "the faults are another test's")]
 mod support;
 
 use palpate_robot_io::{BackendError, FaultKind, JointCommand, RobotBackend, contract};

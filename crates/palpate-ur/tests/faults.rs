@@ -47,7 +47,8 @@ fn until_error(arm: &mut UrArm, mut state: RobotState) -> UrError {
 /// The arm refuses to move, has come to rest without a jump, and stays there.
 fn rests(controller: &Controller, arm: &mut UrArm) {
     let q = controller.lock().q;
-    assert_eq!(arm.write(&JointCommand { q: q.into() }).unwrap_err().kind(), FaultKind::Stopped);
+    let refused = arm.write(&JointCommand { q: q.into() });
+    assert!(matches!(refused, Err(UrError::Stopped)), "{refused:?}");
     let start = controller.lock().tick;
     controller.until(|w| w.tick > start + 60);
     let (goal, tick) = controller.see(|w| (w.target, w.tick));

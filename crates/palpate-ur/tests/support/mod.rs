@@ -2,7 +2,7 @@
 //!
 //! It follows the register protocol of the control program with a model of its own, and writes packets
 //! itself where a fault needs bytes that the protocol core would not write.
-#![expect(dead_code, reason = "each test binary uses its own part")]
+#![expect(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
 mod program;
 mod server;
@@ -15,11 +15,11 @@ use std::time::{Duration, Instant};
 
 use palpate_ur::{Ports, UrConfig};
 
-pub use program::Program;
+pub(crate) use program::Program;
 
 /// What goes wrong, from the next tick on.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Fault {
+pub(crate) enum Fault {
     #[default]
     None,
     /// Closes every RTDE connection, once.
@@ -45,48 +45,48 @@ pub enum Fault {
 }
 
 #[derive(Debug, Default)]
-pub struct World {
-    pub fault: Fault,
-    pub tick: u64,
-    pub time: f64,
-    pub q: [f64; 6],
-    pub dq: [f64; 6],
-    pub target: [f64; 6],
+pub(crate) struct World {
+    pub(crate) fault: Fault,
+    pub(crate) tick: u64,
+    pub(crate) time: f64,
+    pub(crate) q: [f64; 6],
+    pub(crate) dq: [f64; 6],
+    pub(crate) target: [f64; 6],
     /// What the sensor would say untared: base axes.
-    pub load: [f64; 6],
-    pub tare: [f64; 6],
-    pub safety: i32,
-    pub robot_mode: i32,
-    pub runtime: u32,
-    pub slider: f64,
-    pub ints: Vec<i32>,
-    pub doubles: Vec<f64>,
-    pub out: Vec<i32>,
-    pub program: Option<Program>,
-    pub uploads: u32,
-    pub last_upload: String,
+    pub(crate) load: [f64; 6],
+    pub(crate) tare: [f64; 6],
+    pub(crate) safety: i32,
+    pub(crate) robot_mode: i32,
+    pub(crate) runtime: u32,
+    pub(crate) slider: f64,
+    pub(crate) ints: Vec<i32>,
+    pub(crate) doubles: Vec<f64>,
+    pub(crate) out: Vec<i32>,
+    pub(crate) program: Option<Program>,
+    pub(crate) uploads: u32,
+    pub(crate) last_upload: String,
     /// Answers version 2 with no.
-    pub only_version_1: bool,
+    pub(crate) only_version_1: bool,
     /// Setups of inputs that are refused before one is granted.
-    pub in_use: u32,
-    pub missing: Vec<String>,
+    pub(crate) in_use: u32,
+    pub(crate) missing: Vec<String>,
     /// Largest step of the target between two ticks, rad.
-    pub largest_step: f64,
+    pub(crate) largest_step: f64,
     /// Ticks in which the target changed.
-    pub moving_ticks: u64,
-    pub setups: u32,
+    pub(crate) moving_ticks: u64,
+    pub(crate) setups: u32,
 }
 
-pub struct Controller {
-    pub world: Arc<Mutex<World>>,
-    pub ports: Ports,
+pub(crate) struct Controller {
+    pub(crate) world: Arc<Mutex<World>>,
+    pub(crate) ports: Ports,
     end: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Controller {
     /// Runs with `speed` times the ticks of a real one; its own clock still counts 2 ms each.
-    pub fn start(speed: f64) -> Self {
+    pub(crate) fn start(speed: f64) -> Self {
         let rtde = TcpListener::bind("127.0.0.1:0").unwrap();
         let script = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = |l: &TcpListener| l.local_addr().unwrap().port();
@@ -122,21 +122,21 @@ impl Controller {
         Self { world, ports, end, thread: Some(thread) }
     }
 
-    pub fn lock(&self) -> MutexGuard<'_, World> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, World> {
         self.world.lock().unwrap()
     }
 
     /// A look that holds the lock no longer than it takes.
-    pub fn see<T>(&self, look: impl FnOnce(&World) -> T) -> T {
+    pub(crate) fn see<T>(&self, look: impl FnOnce(&World) -> T) -> T {
         look(&self.lock())
     }
 
-    pub fn set(&self, fault: Fault) {
+    pub(crate) fn set(&self, fault: Fault) {
         self.lock().fault = fault;
     }
 
     /// Patient enough for a busy computer.
-    pub fn config(&self) -> UrConfig {
+    pub(crate) fn config(&self) -> UrConfig {
         let mut config = UrConfig::at("127.0.0.1");
         config.ports = self.ports;
         config.stale_ticks = 100;
@@ -146,7 +146,7 @@ impl Controller {
     }
 
     /// Waits for `done` to be true of the world.
-    pub fn until(&self, mut done: impl FnMut(&World) -> bool) {
+    pub(crate) fn until(&self, mut done: impl FnMut(&World) -> bool) {
         let deadline = Instant::now() + Duration::from_secs(10);
         while !done(&self.lock()) {
             assert!(Instant::now() < deadline, "the controller did not get there");

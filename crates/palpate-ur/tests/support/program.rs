@@ -4,7 +4,7 @@ use super::World;
 
 /// The state of a running control program.
 #[derive(Clone, Debug)]
-pub struct Program {
+pub(crate) struct Program {
     token: i32,
     stall: u32,
     step_max: f64,
@@ -18,7 +18,7 @@ pub struct Program {
 }
 
 impl Program {
-    pub fn from_text(text: &str) -> Option<Self> {
+    pub(crate) fn from_text(text: &str) -> Option<Self> {
         let number = |name: &str| {
             let line = text.lines().find(|l| l.trim().starts_with(&format!("{name} = ")))?;
             line.split(['=', ',']).nth(1)?.trim().trim_matches(['[', ']']).parse::<f64>().ok()
@@ -38,11 +38,11 @@ impl Program {
 }
 
 /// One cycle. Leaves the joints' goal in `world.target`.
-pub fn cycle(world: &mut World) {
+pub(crate) fn cycle(world: &mut World) {
     let Some(mut p) = world.program.take() else { return };
     let (mode, sequence) = (world.ints[24], world.ints[25]);
     let fresh = world.ints[26] == p.token && sequence != p.taken;
-    let gap = (sequence - p.taken).rem_euclid(1_000_000_000).min(p.stall as i32);
+    let gap = (sequence - p.taken).rem_euclid(1_000_000_000).min(p.stall.cast_signed());
     if fresh {
         (p.taken, p.silent) = (sequence, 0);
     } else {

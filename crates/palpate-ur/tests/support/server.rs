@@ -7,7 +7,7 @@ use palpate_ur::proto::*;
 
 use super::{Fault, Program, World, program};
 
-pub struct Server {
+pub(crate) struct Server {
     rtde: TcpListener,
     script: TcpListener,
     clients: Vec<Client>,
@@ -65,13 +65,13 @@ fn value(world: &World, name: &str) -> Value {
 }
 
 impl Server {
-    pub fn new(rtde: TcpListener, script: TcpListener) -> Self {
+    pub(crate) fn new(rtde: TcpListener, script: TcpListener) -> Self {
         rtde.set_nonblocking(true).unwrap();
         script.set_nonblocking(true).unwrap();
         Self { rtde, script, clients: vec![], uploads: vec![], silent: 0 }
     }
 
-    pub fn tick(&mut self, world: &mut World) {
+    pub(crate) fn tick(&mut self, world: &mut World) {
         self.accept();
         if !matches!(world.fault, Fault::Dead | Fault::Deaf) {
             for client in &mut self.clients {
@@ -95,7 +95,8 @@ impl Server {
             }
             _ => {}
         }
-        let hold = matches!(world.fault, Fault::Merge(n) if world.tick % u64::from(n) != 0);
+        let hold =
+            matches!(world.fault, Fault::Merge(n) if !world.tick.is_multiple_of(u64::from(n)));
         let quiet = self.silent > 0 || world.fault == Fault::Dead;
         self.silent = self.silent.saturating_sub(1);
         for client in &mut self.clients {
@@ -285,7 +286,7 @@ impl Client {
         for field in recipe.fields() {
             value(world, &field.name).write(&mut values);
         }
-        for _ in 0..1 + u8::from(world.fault == Fault::Repeat) {
+        for _ in 0..=u8::from(world.fault == Fault::Repeat) {
             let packet = ServerPacket::Data { recipe: recipe.id(), values: &values };
             packet.encode(self.version, &mut self.out).unwrap();
         }
