@@ -16,6 +16,7 @@ const MAY_NEED: &[(&str, &[&str])] = &[
     ),
     // A backend knows no task …
     ("palpate-sim", &["palpate-spatial", "palpate-kinematics", "palpate-robot-io"]),
+    ("palpate-ur", &["palpate-spatial", "palpate-kinematics", "palpate-robot-io"]),
     // … and a task knows no backend.
     (
         "palpate-env",
