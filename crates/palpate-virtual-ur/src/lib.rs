@@ -1,0 +1,2 @@
+//! A virtual UR.
+pub mod script;
