@@ -1,0 +1,3 @@
+//! Universal Robots arms.
+
+pub mod proto;
