@@ -153,13 +153,12 @@ impl FromStr for TimedFault {
         let (name, arguments) = what.split_once('=').unwrap_or((what, ""));
         let fault = if name == "in-use" {
             let (variable, seconds) = arguments.split_once(',').unwrap_or((arguments, "inf"));
-            let seconds =
-                seconds.parse().map_err(|_| wrong("expected in-use=VARIABLE,S".into()))?;
+            let seconds = seconds.parse().or(Err(wrong("expected in-use=VARIABLE,S".into())))?;
             Fault::InUse(variable.to_owned(), seconds)
         } else {
             let numbers: Result<Vec<f64>, _> =
                 arguments.split(',').filter(|a| !a.is_empty()).map(str::parse).collect();
-            let numbers = numbers.map_err(|_| wrong("its arguments are no numbers".into()))?;
+            let numbers = numbers.or(Err(wrong("its arguments are no numbers".into())))?;
             named(name, &numbers, port).ok_or_else(|| wrong(format!("not one of\n{FAULT_HELP}")))?
         };
         Ok(Self { at, fault })

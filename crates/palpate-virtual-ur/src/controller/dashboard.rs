@@ -89,10 +89,7 @@ impl Controller {
                 self.restart_safety();
                 "Restarting safety".into()
             }
-            "play" => match self.play() {
-                true => "Starting program".into(),
-                false => failed(),
-            },
+            "play" if self.play() => "Starting program".into(),
             "pause" if self.pause_program() => "Pausing program".into(),
             "stop" if self.runtime != RuntimeState::Stopped => {
                 self.stop_program("stopped from the dashboard");

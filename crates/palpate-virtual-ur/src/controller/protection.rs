@@ -56,14 +56,14 @@ impl ControllerLimits {
             if !(position.abs() <= self.position[joint]) {
                 return Err(StopCause::Position { joint, position, limit: self.position[joint] });
             }
-            #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN speed must stop the arm")]
-            if !(speed.abs() <= self.speed[joint] * 1.001) {
-                return Err(StopCause::Speed { joint, speed, limit: self.speed[joint] });
-            }
             let acceleration = (speed - now.dq[joint]) / DT;
             #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN jump must stop the arm")]
             if !(acceleration.abs() <= self.acceleration) {
                 return Err(StopCause::Jump { joint, acceleration, limit: self.acceleration });
+            }
+            #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN speed must stop the arm")]
+            if !(speed.abs() <= self.speed[joint] * 1.001) {
+                return Err(StopCause::Speed { joint, speed, limit: self.speed[joint] });
             }
         }
         Ok(())

@@ -94,6 +94,7 @@ impl Arguments<'_> {
     }
 }
 
+#[expect(clippy::unnecessary_wraps, reason = "the last word of many a built-in")]
 fn value(value: Value) -> Answer {
     Ok(Reply::Value(value))
 }
@@ -225,13 +226,13 @@ impl Controller {
             "speedj" => {
                 let goal = JointVector::from(a.six(0)?);
                 self.motion = Motion::Speed { goal, acceleration: a.positive_or(1, 1.4)? };
-                returns_after(a.number_or(2, 0.0)?)
+                Ok(returns_after(a.number_or(2, 0.0)?))
             }
             "speedl" => {
                 let now = self.target.tcp_speed;
                 let acceleration = a.positive_or(1, 1.2)?;
                 self.motion = Motion::ToolSpeed { goal: a.six(0)?, now, acceleration };
-                returns_after(a.number_or(2, 0.0)?)
+                Ok(returns_after(a.number_or(2, 0.0)?))
             }
             "stopj" => {
                 self.motion = Motion::brake(a.positive_or(0, 2.0)?);
@@ -342,6 +343,6 @@ impl Controller {
 }
 
 /// `speedj` and `speedl` return after a time if one is given, else when the speed is reached.
-fn returns_after(time: f64) -> Answer {
-    Ok(if time > 0.0 { Reply::Ticks(cycles(time)) } else { Reply::Motion })
+fn returns_after(time: f64) -> Reply {
+    if time > 0.0 { Reply::Ticks(cycles(time)) } else { Reply::Motion }
 }

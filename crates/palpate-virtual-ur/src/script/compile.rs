@@ -157,7 +157,9 @@ fn nested<'a>(lines: &'a [Line], found: &mut Vec<&'a Function>) {
                 nested(&function.body, found);
             }
             Statement::If { arms, otherwise } => {
-                arms.iter().for_each(|(_, body)| nested(body, found));
+                for (_, body) in arms {
+                    nested(body, found);
+                }
                 nested(otherwise, found);
             }
             Statement::While { body, .. } => nested(body, found),
@@ -172,7 +174,9 @@ fn assigned(lines: &[Line], found: &mut dyn FnMut(&str, Scope)) {
         match &line.statement {
             Statement::Assign { scope, name, .. } => found(name, *scope),
             Statement::If { arms, otherwise } => {
-                arms.iter().for_each(|(_, body)| assigned(body, found));
+                for (_, body) in arms {
+                    assigned(body, found);
+                }
                 assigned(otherwise, found);
             }
             Statement::While { body, .. } => assigned(body, found),
@@ -313,7 +317,9 @@ impl Compiler<'_> {
                     self.land(skip);
                 }
                 self.block(otherwise)?;
-                ends.into_iter().for_each(|end| self.land(end));
+                for end in ends {
+                    self.land(end);
+                }
             }
             Statement::While { condition, body } => {
                 let start = self.code.ops.len();
@@ -323,7 +329,9 @@ impl Compiler<'_> {
                 self.block(body)?;
                 self.emit(Op::Jump(start), line);
                 let breaks = self.loops.pop().map(|l| l.breaks).unwrap_or_default();
-                breaks.into_iter().for_each(|leave| self.land(leave));
+                for leave in breaks {
+                    self.land(leave);
+                }
             }
             Statement::Break => {
                 let jump = self.emit(Op::Jump(0), line);

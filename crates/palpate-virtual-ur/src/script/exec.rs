@@ -110,6 +110,7 @@ impl Machine {
         }
     }
 
+    #[expect(clippy::too_many_lines, reason = "one arm per instruction")]
     fn step<W: World + ?Sized>(
         &mut self,
         index: usize,

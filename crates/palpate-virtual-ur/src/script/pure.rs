@@ -41,7 +41,7 @@ fn evaluate(name: &str, arguments: &[Value]) -> Fallible<Value> {
         "normalize" => {
             let v = numbers(first)?;
             let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if !(length > 0.0) {
+            if length <= 0.0 || length.is_nan() {
                 return Err("a vector of length zero has no direction".into());
             }
             Value::floats(v.into_iter().map(|x| x / length))
@@ -134,14 +134,14 @@ fn count(n: usize) -> Fallible<Value> {
 }
 
 fn whole(x: f64) -> Fallible<Value> {
-    if !(x >= f64::from(i32::MIN) && x <= f64::from(i32::MAX)) {
+    if !(f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&x) {
         return Err(format!("{x} fits no 32-bit integer"));
     }
     Ok(Value::Int(x as i32))
 }
 
 fn within(x: f64, bound: f64) -> Fallible<f64> {
-    if !(x.abs() <= bound) {
+    if !(-bound..=bound).contains(&x) {
         return Err(format!("{x} is not in [-{bound}, {bound}]"));
     }
     Ok(x)

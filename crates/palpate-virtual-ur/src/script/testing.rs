@@ -31,7 +31,7 @@ impl World for Recorder {
             Ok::<_, String>(Reply::Ticks((seconds / 0.002).ceil() as u32))
         };
         match (builtin.name, arguments) {
-            ("sync", _) | ("servoj", _) => Ok(Reply::Ticks(1)),
+            ("sync" | "servoj", _) => Ok(Reply::Ticks(1)),
             ("sleep", [seconds]) => ticks(seconds),
             ("textmsg", _) => {
                 self.messages.push(given.concat());

@@ -100,9 +100,12 @@ fn significant(x: f64) -> String {
     let scientific = format!("{x:.5e}");
     let exponent: i32 =
         scientific.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or_default();
-    let trim = |digits: &str| match digits.contains('.') {
-        true => digits.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => digits.to_owned(),
+    let trim = |digits: &str| {
+        if digits.contains('.') {
+            digits.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            digits.to_owned()
+        }
     };
     if (-4..6).contains(&exponent) {
         return trim(&format!("{x:.*}", usize::try_from(5 - exponent).unwrap_or_default()));

@@ -98,7 +98,9 @@ pub fn run(
     }
     let mut said = |server: &mut Server| {
         let events: Vec<Event> = server.controller_mut().take_events();
-        events.iter().for_each(|e| report(&format!("{:10.3} s  {}", e.time, e.text)));
+        for e in &events {
+            report(&format!("{:10.3} s  {}", e.time, e.text));
+        }
     };
     Ok(keep_pace(&mut server, stop, &mut said))
 }
@@ -114,17 +116,16 @@ fn keep_pace(server: &mut Server, stop: &AtomicBool, each: &mut dyn FnMut(&mut S
         pace.cycles += 1;
         next += period;
         let now = Instant::now();
-        match next.checked_duration_since(now) {
-            Some(left) => std::thread::sleep(left),
-            None => {
-                let late = now - next;
-                pace.worst = pace.worst.max(late);
-                if late > period {
-                    // Cycles in a burst would leave a client no time to answer: a controller whose host is
-                    // busy has a slow clock instead.
-                    pace.late += 1;
-                    next = now;
-                }
+        if let Some(left) = next.checked_duration_since(now) {
+            std::thread::sleep(left);
+        } else {
+            let late = now - next;
+            pace.worst = pace.worst.max(late);
+            if late > period {
+                // Cycles in a burst would leave a client no time to answer: a controller whose host is
+                // busy has a slow clock instead.
+                pace.late += 1;
+                next = now;
             }
         }
     }
