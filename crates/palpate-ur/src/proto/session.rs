@@ -338,7 +338,9 @@ impl Session {
             return Ok(false);
         }
         self.scratch.clear();
-        values.iter().for_each(|value| value.write(&mut self.scratch));
+        for value in values {
+            value.write(&mut self.scratch);
+        }
         ClientPacket::Data { recipe: inputs.id(), values: &self.scratch }
             .encode(self.version, &mut self.outgoing)?;
         Ok(true)

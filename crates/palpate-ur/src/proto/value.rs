@@ -133,12 +133,10 @@ impl Value {
             Self::Uint64(n) => out.extend_from_slice(&n.to_be_bytes()),
             Self::Int32(n) => out.extend_from_slice(&n.to_be_bytes()),
             Self::Double(x) => out.extend_from_slice(&x.to_be_bytes()),
-            Self::Vector3d(v) => v.iter().for_each(|x| out.extend_from_slice(&x.to_be_bytes())),
-            Self::Vector6d(v) => v.iter().for_each(|x| out.extend_from_slice(&x.to_be_bytes())),
-            Self::Vector6Int32(v) => v.iter().for_each(|n| out.extend_from_slice(&n.to_be_bytes())),
-            Self::Vector6Uint32(v) => {
-                v.iter().for_each(|n| out.extend_from_slice(&n.to_be_bytes()));
-            }
+            Self::Vector3d(v) => extend(out, v.map(f64::to_be_bytes)),
+            Self::Vector6d(v) => extend(out, v.map(f64::to_be_bytes)),
+            Self::Vector6Int32(v) => extend(out, v.map(i32::to_be_bytes)),
+            Self::Vector6Uint32(v) => extend(out, v.map(u32::to_be_bytes)),
         }
     }
 
@@ -156,6 +154,10 @@ impl Value {
             DataType::Vector6Uint32 => Self::Vector6Uint32(reader.many(Reader::u32)?),
         })
     }
+}
+
+fn extend<const N: usize, const M: usize>(out: &mut Vec<u8>, bytes: [[u8; M]; N]) {
+    out.extend_from_slice(bytes.as_flattened());
 }
 
 /// What the controller says about one variable of a recipe.
