@@ -18,7 +18,11 @@ fn ask(session: &mut ServerSession, robot: &mut Controller, bytes: &[u8]) -> Vec
     out
 }
 
-fn request(session: &mut ServerSession, robot: &mut Controller, packet: &ClientPacket<'_>) -> Vec<u8> {
+fn request(
+    session: &mut ServerSession,
+    robot: &mut Controller,
+    packet: &ClientPacket<'_>,
+) -> Vec<u8> {
     let mut bytes = Vec::new();
     packet.encode(Version::V2, &mut bytes).unwrap();
     ask(session, robot, &bytes)
@@ -26,7 +30,10 @@ fn request(session: &mut ServerSession, robot: &mut Controller, packet: &ClientP
 
 fn hex(text: &str) -> Vec<u8> {
     let digits: Vec<u8> = text.bytes().filter(|b| !b.is_ascii_whitespace()).collect();
-    digits.chunks(2).map(|d| u8::from_str_radix(std::str::from_utf8(d).unwrap(), 16).unwrap()).collect()
+    digits
+        .chunks(2)
+        .map(|d| u8::from_str_radix(std::str::from_utf8(d).unwrap(), 16).unwrap())
+        .collect()
 }
 
 /// The setup reply's id and types.
@@ -34,17 +41,27 @@ fn setup(out: &[u8]) -> (u8, Vec<VariableReply>) {
     let mut framer = Framer::new();
     framer.push(out);
     match ServerPacket::decode(Version::V2, framer.next_frame().unwrap().unwrap()).unwrap() {
-        ServerPacket::OutputRecipe { recipe, types } | ServerPacket::InputRecipe { recipe, types } => (recipe, types),
+        ServerPacket::OutputRecipe { recipe, types }
+        | ServerPacket::InputRecipe { recipe, types } => (recipe, types),
         other => panic!("{other:?}"),
     }
 }
 
-fn inputs(session: &mut ServerSession, robot: &mut Controller, names: &[&str]) -> (u8, Vec<VariableReply>) {
+fn inputs(
+    session: &mut ServerSession,
+    robot: &mut Controller,
+    names: &[&str],
+) -> (u8, Vec<VariableReply>) {
     let names = names.iter().map(|n| (*n).into()).collect();
     setup(&request(session, robot, &ClientPacket::SetupInputs { names }))
 }
 
-fn outputs(session: &mut ServerSession, robot: &mut Controller, frequency: f64, names: &[&str]) -> (u8, Vec<VariableReply>) {
+fn outputs(
+    session: &mut ServerSession,
+    robot: &mut Controller,
+    frequency: f64,
+    names: &[&str],
+) -> (u8, Vec<VariableReply>) {
     let names = names.iter().map(|n| (*n).into()).collect();
     setup(&request(session, robot, &ClientPacket::SetupOutputs { frequency, names }))
 }
@@ -76,7 +93,8 @@ fn a_handshake_byte_for_byte() {
 
 #[test]
 fn requests_in_one_segment_or_byte_by_byte_give_the_same_answers() {
-    let conversation = hex("0005560002 000376 00144f407f40000000000074696d657374616d70 000353 000350");
+    let conversation =
+        hex("0005560002 000376 00144f407f40000000000074696d657374616d70 000353 000350");
     let mut robot = robot();
     let whole = ask(&mut ServerSession::new(1), &mut robot, &conversation);
     let mut session = ServerSession::new(2);
@@ -98,7 +116,9 @@ fn every_documented_output_can_be_had_alone_and_all_at_once() {
             names.extend((0..48).map(|i| format!("{direction}_{bank}_register_{i}")));
         }
         names.extend((64..128).map(|i| format!("{direction}_bit_register_{i}")));
-        names.extend(["0_to_31", "32_to_63"].iter().map(|r| format!("{direction}_bit_registers{r}")));
+        names.extend(
+            ["0_to_31", "32_to_63"].iter().map(|r| format!("{direction}_bit_registers{r}")),
+        );
     }
     assert!(names.len() > 380, "{}", names.len());
     for name in &names {
@@ -106,7 +126,8 @@ fn every_documented_output_can_be_had_alone_and_all_at_once() {
         assert_eq!(output.value(&robot).data_type(), output.data_type(), "{name}");
     }
     // Far beyond the 2,048 bytes that the guide mentions.
-    let (mut session, all): (_, Vec<&str>) = (ServerSession::new(1), names.iter().map(String::as_str).collect());
+    let (mut session, all): (_, Vec<&str>) =
+        (ServerSession::new(1), names.iter().map(String::as_str).collect());
     request(&mut session, &mut robot, &ClientPacket::RequestVersion(2));
     let (id, types) = outputs(&mut session, &mut robot, 500.0, &all);
     assert_eq!((id, types.len()), (1, names.len()));
@@ -115,7 +136,13 @@ fn every_documented_output_can_be_had_alone_and_all_at_once() {
     let mut out = Vec::new();
     assert!(session.data(&robot, &mut out));
     assert_eq!(out.len(), 4 + recipe.size());
-    for name in ["actual_qq", "output_int_register_48", "output_int_register_07", "output_bit_register_3", ""] {
+    for name in [
+        "actual_qq",
+        "output_int_register_48",
+        "output_int_register_07",
+        "output_bit_register_3",
+        "",
+    ] {
         assert!(Output::named(name).is_none(), "{name}");
     }
 }
@@ -125,10 +152,17 @@ fn a_missing_name_refuses_the_recipe_and_names_only_itself() {
     let (mut robot, mut session) = (robot(), ServerSession::new(1));
     request(&mut session, &mut robot, &ClientPacket::RequestVersion(2));
     let (id, types) = outputs(&mut session, &mut robot, 500.0, &["timestamp", "nonsense"]);
-    assert_eq!((id, types), (0, vec![VariableReply::Type(DataType::Double), VariableReply::NotFound]));
+    assert_eq!(
+        (id, types),
+        (0, vec![VariableReply::Type(DataType::Double), VariableReply::NotFound])
+    );
     assert_eq!(request(&mut session, &mut robot, &ClientPacket::Start), hex("0004 53 00"));
     for frequency in [0.0, -1.0, 501.0, f64::NAN, f64::INFINITY] {
-        assert_eq!(outputs(&mut session, &mut robot, frequency, &["timestamp"]).0, 0, "{frequency}");
+        assert_eq!(
+            outputs(&mut session, &mut robot, frequency, &["timestamp"]).0,
+            0,
+            "{frequency}"
+        );
     }
     // A trailing comma is tolerated.
     let asked = b"\x00\x15O\x40\x7f\x40\0\0\0\0\0timestamp,";
@@ -159,9 +193,17 @@ fn an_input_has_one_owner_until_its_connection_ends() {
 fn inputs_are_applied_as_one_set_and_stay() {
     let (mut robot, mut session) = (robot(), ServerSession::new(1));
     request(&mut session, &mut robot, &ClientPacket::RequestVersion(2));
-    let names = ["input_int_register_24", "input_double_register_30", "input_bit_register_64", "input_bit_registers32_to_63"];
+    let names = [
+        "input_int_register_24",
+        "input_double_register_30",
+        "input_bit_register_64",
+        "input_bit_registers32_to_63",
+    ];
     assert_eq!(inputs(&mut session, &mut robot, &names).0, 1);
-    assert_eq!(inputs(&mut session, &mut robot, &["speed_slider_mask", "speed_slider_fraction"]).0, 2);
+    assert_eq!(
+        inputs(&mut session, &mut robot, &["speed_slider_mask", "speed_slider_fraction"]).0,
+        2
+    );
     let send = |session: &mut ServerSession, robot: &mut Controller, recipe, values: &[Value]| {
         let mut bytes = Vec::new();
         values.iter().for_each(|v| v.write(&mut bytes));
@@ -218,7 +260,9 @@ fn version_1_has_no_frequency_and_no_recipe_id() {
 #[test]
 fn what_is_not_rtde_ends_the_session_and_nothing_else() {
     let mut robot = robot();
-    for bytes in [&b"GET / HTTP/1.1\r\n"[..], &[0, 0, 0], &[0, 2, b'V'], &[0, 4, b'V', 0], &[0, 4, b'S', 0]] {
+    for bytes in
+        [&b"GET / HTTP/1.1\r\n"[..], &[0, 0, 0], &[0, 2, b'V'], &[0, 4, b'V', 0], &[0, 4, b'S', 0]]
+    {
         let (mut session, mut out) = (ServerSession::new(1), Vec::new());
         session.receive(bytes, &mut robot, &mut out).unwrap_err();
         assert_eq!(out, [0u8; 0]);
@@ -232,11 +276,16 @@ mod fuzz {
 
     /// Valid conversations with flipped, lost and added bytes: no panic, no hang, and a bounded answer.
     #[test]
-    fn a_million_mutated_packets() {
+    fn ten_million_mutated_packets() {
         let seeds: Vec<Vec<u8>> = [
-            "0005560002", "000376", "00144f407f40000000000074696d657374616d70", "000353", "000350",
+            "0005560002",
+            "000376",
+            "00144f407f40000000000074696d657374616d70",
+            "000353",
+            "000350",
             "001849696e7075745f696e745f72656769737465725f3234",
-            "0008550100000007", "000b4d03616263017a0103",
+            "0008550100000007",
+            "000b4d03616263017a0103",
         ]
         .iter()
         .map(|text| hex(text))
@@ -245,7 +294,7 @@ mod fuzz {
         let mut robot: Controller = robot();
         let mut session = ServerSession::new(1);
         let (mut out, mut refused, mut client) = (Vec::new(), 0u32, 1);
-        for _ in 0..1_000_000 {
+        for _ in 0..10_000_000 {
             let mut bytes = seeds[rng.random_range(0..seeds.len())].clone();
             if rng.random_bool(0.3) {
                 let at = rng.random_range(0..bytes.len());
@@ -264,7 +313,7 @@ mod fuzz {
             }
             assert!(out.len() < 70_000, "{} bytes of answer to {}", out.len(), bytes.len());
         }
-        assert!(refused > 50_000, "{refused}");
+        assert!(refused > 100_000, "{refused}");
         robot.tick();
     }
 }

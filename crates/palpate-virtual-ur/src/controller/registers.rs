@@ -72,7 +72,7 @@ impl Registers {
     }
 
     /// Notes that a variable came in, changed or not.
-    pub(crate) fn touch(&mut self, name: &str, tick: u64) {
+    pub fn touch(&mut self, name: &str, tick: u64) {
         match self.written.get_mut(name) {
             Some(last) => *last = tick,
             None => _ = self.written.insert(name.to_owned(), tick),

@@ -10,6 +10,8 @@ pub(super) struct Queue {
     late: VecDeque<(u64, Vec<u8>)>,
     wire: Vec<u8>,
     written: usize,
+    /// The socket took less than it was offered.
+    blocked: bool,
 }
 
 impl Queue {
@@ -24,7 +26,7 @@ impl Queue {
 
     /// Whether the client has not taken what left in earlier cycles.
     pub(super) fn is_blocked(&self) -> bool {
-        self.written < self.wire.len()
+        self.blocked
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -47,11 +49,15 @@ impl Queue {
         }
         let end = self.wire.len().saturating_sub(hold_back).max(self.written);
         let begin = self.written;
+        self.blocked = false;
         while self.written < end {
             match socket.write(&self.wire[self.written..end]) {
                 Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
                 Ok(n) => self.written += n,
-                Err(e) if e.kind() == io::ErrorKind::WouldBlock => break,
+                Err(e) if e.kind() == io::ErrorKind::WouldBlock => {
+                    self.blocked = true;
+                    break;
+                }
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
                 Err(e) => return Err(e),
             }
