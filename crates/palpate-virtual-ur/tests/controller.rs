@@ -417,7 +417,7 @@ fn script_errors_stop_the_program_and_the_arm() {
     seconds(&mut robot, 0.2);
     assert_eq!(robot.target().dq, JointVector::zeros());
     let said = run(&mut robot, "def f():\n x = \nend\n");
-    assert!(said[0].starts_with("script refused: line 2"), "{said:?}");
+    assert!(said[0].starts_with("script refused: line 3"), "{said:?}");
 }
 
 #[test]

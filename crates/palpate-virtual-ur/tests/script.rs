@@ -211,6 +211,16 @@ end",
 end",
             "[[1, 2], [3, 4]][[1, 2], [9, 4]]\np[0, 0, 0.5, 0, 0, 0]",
         ),
+        (
+            "a value on the next line, and a statement behind a value",
+            "def f():\n a = # first\n7    global b = 2 c = 3\n textmsg([a, b, c])\nend",
+            "[7, 2, 3]",
+        ),
+        (
+            "a variable may be called p",
+            "def f():\n def scaled(p):\n  p[0] = p[0] * 2\n  return p\n end\n textmsg(scaled(p[1, 2, 3, 0, 0, 0]))\nend",
+            "p[2, 2, 3, 0, 0, 0]",
+        ),
         ("statements without def, comments", "textmsg(\"one\") # and more\n", "one"),
         (
             "halt ends everything",
@@ -326,6 +336,12 @@ end";
 }
 
 #[test]
+fn a_handle_of_zero_is_nobody() {
+    let text = "def f():\n h = 0\n kill h\n join h\n kill 99\n textmsg(\"still here\")\nend";
+    assert_eq!(said(text).as_deref(), Ok("still here"));
+}
+
+#[test]
 fn only_one_thread_moves_the_arm_in_a_tick() {
     let text = "def f():
   thread other():
@@ -408,7 +424,7 @@ fn what_never_ends_is_reported_within_the_tick() {
 fn what_is_no_program_is_refused_with_its_line() {
     for (text, expected) in [
         ("def f():\n if True:\nend", "line 3: expected end, found the end of the program"),
-        ("def f():\n x = \nend", "line 2: expected an expression, found the end of the line"),
+        ("def f():\n x = \nend", "line 3: expected an expression, found end"),
         ("def f():\n x + 1\nend", "line 2: expected an assignment or a call"),
         ("def f():\n 1 + 1\nend", "line 2: expected a statement, found 1"),
         ("def f():\n end = 1\nend", "line 2: expected"),
@@ -422,7 +438,8 @@ fn what_is_no_program_is_refused_with_its_line() {
         ("thread t():\nend", "line 1: expected def program():"),
         ("def f(a):\nend", "line 1: expected def program():"),
         ("def f():\n movej(q=[0], a=1, q=[0])\nend", "line 2: movej: q is given twice"),
-        ("def f():\n a = 1 b = 2\nend", "line 2: expected the end of the line, found b"),
+        ("def f():\n a = 1 2\nend", "line 2: expected the end of the line, found 2"),
+        ("def f():\n a = 1 b\nend", "line 2: expected an assignment or a call"),
         ("def f():\n a = \"open\nend", "line 2: the string is not closed on its line"),
     ] {
         let error = compile(text).unwrap_err().to_string();

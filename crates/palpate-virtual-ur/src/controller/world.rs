@@ -160,6 +160,9 @@ impl World for Controller {
                 self.watchdogs.push(dog);
                 DONE
             }
+            // Settings of a mode that is not modelled: programs make them at their start, whether they use it or not.
+            "force_mode_set_damping" => a.within(0, 0.0, 0.0, 1.0).and(DONE),
+            "force_mode_set_gain_scaling" => a.within(0, 0.0, 0.0, 2.0).and(DONE),
             "textmsg" => {
                 self.note(Severity::Info, format!("{}{}", a.text(0), a.text(1)));
                 DONE
@@ -281,6 +284,10 @@ impl Controller {
             "get_target_joint_speeds" => list(self.set_point.dq.iter().copied()),
             "get_actual_tcp_pose" => value(Value::Pose(self.actual.tcp)),
             "get_target_tcp_pose" => value(Value::Pose(self.target.tcp)),
+            "get_actual_tool_flange_pose" => {
+                value(Value::Pose(pose_to_value(&self.arm.flange(&self.actual.q))))
+            }
+            "get_target_payload_inertia" => list([0.0; 6]),
             "get_actual_tcp_speed" => list(self.actual.tcp_speed),
             "get_target_tcp_speed" => list(self.target.tcp_speed),
             "get_tcp_force" => list(self.tcp_force()),

@@ -263,19 +263,18 @@ impl Machine {
     }
 
     fn kill<W: World + ?Sized>(&mut self, index: usize, id: i32, world: &mut W) -> Option<Slice> {
-        if self.threads[index].id == id {
+        if id != 0 && self.threads[index].id == id {
             return Some(Slice::Ended);
         }
-        // Who kills the program's own thread ends the program.
-        if id == 0 {
-            return Some(Slice::Halt);
+        // Programs give their handles the value 0 before there is a thread; 0 is nobody's.
+        if id != 0 {
+            self.retire(id, world);
         }
-        self.retire(id, world);
         None
     }
 
     fn join(&mut self, index: usize, id: i32) -> Option<Slice> {
-        if id == self.threads[index].id || !self.is_alive(id) {
+        if id == 0 || id == self.threads[index].id || !self.is_alive(id) {
             return None;
         }
         self.threads[index].wait = Wait::Join(id);

@@ -117,6 +117,10 @@ impl Parser {
     }
 
     fn atom(&mut self) -> Result<Node, ScriptError> {
+        // Where a value must follow, a line may end before it: as above.
+        while *self.peek() == Word::Newline {
+            self.advance();
+        }
         let line = self.line();
         let expression = match self.peek().clone() {
             Word::Int(i) => self.constant(Value::Int(i)),
@@ -134,7 +138,18 @@ impl Parser {
             }
             Word::PoseOpen => {
                 self.advance();
-                Expression::Pose(self.elements()?)
+                let mut elements = self.elements()?;
+                // One element is an index into a variable called p.
+                match (elements.pop(), elements.is_empty()) {
+                    (Some(index), true) => {
+                        let p = Node { expression: Expression::Variable("p".into()), line };
+                        Expression::Index(Box::new(p), Box::new(index))
+                    }
+                    (last, _) => {
+                        elements.extend(last);
+                        Expression::Pose(elements)
+                    }
+                }
             }
             Word::Name(name) => match name.as_str() {
                 "True" => self.constant(Value::Bool(true)),

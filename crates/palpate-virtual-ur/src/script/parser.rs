@@ -161,21 +161,19 @@ impl Parser {
     fn statement(&mut self) -> Result<Statement, ScriptError> {
         self.links = 0;
         let statement = self.unfinished_statement()?;
-        // A block ends with its own word; whatever else ends with its line.
-        let block = matches!(
-            statement,
-            Statement::Function(_) | Statement::If { .. } | Statement::While { .. }
-        );
+        // Controllers take the next statement on the same line: control programs in the field rely on it.
         match self.peek() {
-            Word::Newline | Word::End => Ok(statement),
-            _ if block || self.is_keyword("end") => Ok(statement),
+            Word::Newline | Word::End | Word::Name(_) => Ok(statement),
             _ => Err(self.unexpected("the end of the line")),
         }
     }
 
     fn unfinished_statement(&mut self) -> Result<Statement, ScriptError> {
-        let Word::Name(word) = self.peek().clone() else {
-            return Err(self.unexpected("a statement"));
+        let word = match self.peek().clone() {
+            Word::Name(word) => word,
+            // A variable may be called p: no statement begins with a pose.
+            Word::PoseOpen => return self.assignment(Scope::Free),
+            _ => return Err(self.unexpected("a statement")),
         };
         let simple = match word.as_str() {
             "def" => return self.function(FunctionKind::Function),
@@ -224,8 +222,15 @@ impl Parser {
     }
 
     fn assignment(&mut self, scope: Scope) -> Result<Statement, ScriptError> {
-        let name = self.name()?;
         let mut indices = Vec::new();
+        let name = if *self.peek() == Word::PoseOpen {
+            self.next += 1;
+            indices.push(self.expression()?);
+            self.expect("]")?;
+            "p".to_owned()
+        } else {
+            self.name()?
+        };
         while self.sign("[") {
             indices.push(self.expression()?);
             self.expect("]")?;
