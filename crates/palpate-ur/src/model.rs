@@ -25,3 +25,30 @@ pub fn model_error(chain: &SerialChain<6>, sample: &Sample) -> ModelError {
     let gap = ours.inv_mul(&theirs);
     ModelError { position: gap.translation.vector.norm(), rotation: gap.rotation.angle() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::tests::sample;
+
+    /// A controller whose own model is the DH table of `model`, with a tool on the flange.
+    fn reported(model: UrModel, q: [f64; 6]) -> Sample {
+        let offset = [0.01, -0.02, 0.15, 0.3, 0.0, -0.7];
+        let base_T_tcp = model.dh().forward(&q.into()) * crate::pose(&offset);
+        let (p, r) = (base_T_tcp.translation.vector, base_T_tcp.rotation.scaled_axis());
+        let mut sample = sample([p.x, p.y, p.z, r.x, r.y, r.z], offset, [0.0; 6]);
+        sample.actual_q = q;
+        sample
+    }
+
+    #[test]
+    fn the_same_model_agrees_and_another_does_not() {
+        let q = [0.4, -1.3, 1.1, -0.9, -1.6, 0.5];
+        let urdf = include_str!("../../../assets/robots/ur3e.urdf");
+        let chain = SerialChain::<6>::from_urdf_str(urdf, "base_link", "tool0").unwrap();
+        let same = model_error(&chain, &reported(UrModel::Ur3e, q));
+        assert!(same.position < 1e-9 && same.rotation < 1e-6, "{same:?}");
+        let other = model_error(&chain, &reported(UrModel::Ur5e, q));
+        assert!(other.position > 0.05, "{other:?}");
+    }
+}

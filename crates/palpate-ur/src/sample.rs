@@ -183,11 +183,11 @@ pub fn pose(v: &[f64; 6]) -> Pose {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::proto::Recipe;
 
-    fn sample(tcp_pose: [f64; 6], tcp_offset: [f64; 6], tcp_force: [f64; 6]) -> Sample {
+    pub(crate) fn sample(tcp_pose: [f64; 6], tcp_offset: [f64; 6], tcp_force: [f64; 6]) -> Sample {
         let types = OUTPUTS.iter().map(|(_, t)| *t).chain(REPORT.map(|_| DataType::Int32));
         let names = Sample::outputs();
         let recipe = Recipe::new(1, names.iter().map(String::as_str).zip(types));

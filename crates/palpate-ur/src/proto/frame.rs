@@ -160,6 +160,11 @@ impl Framer {
         n
     }
 
+    /// Forgets all bytes and a broken stream: for the next connection.
+    pub fn clear(&mut self) {
+        (self.start, self.end, self.broken) = (0, 0, None);
+    }
+
     /// Bytes of a packet that is not complete yet.
     pub fn pending(&self) -> usize {
         self.end - self.start

@@ -54,7 +54,9 @@
 //!
 //! Universal Robots, "Real-Time Data Exchange (RTDE) Guide": all numbers big-endian, no padding.
 
+mod event;
 mod frame;
+mod message;
 mod mode;
 mod packet;
 mod recipe;
@@ -62,11 +64,11 @@ mod session;
 mod value;
 mod wire;
 
+pub use event::{Event, SessionError, Setup};
 pub use frame::{Frame, FrameError, Framer, HEADER, Kind, MAX_PACKET};
+pub use message::{ControllerVersion, DecodeError, EncodeError, Level, Text, Version};
 pub use mode::{RobotMode, RuntimeState, SafetyStatus};
-pub use packet::{
-    ClientPacket, ControllerVersion, DecodeError, EncodeError, Level, ServerPacket, Text, Version,
-};
+pub use packet::{ClientPacket, ServerPacket};
 pub use recipe::{Field, Recipe, RecipeError, Record};
-pub use session::{Event, Session, SessionError, Setup};
+pub use session::Session;
 pub use value::{DataType, Value, VariableReply};
