@@ -38,7 +38,8 @@ pub struct SimArm {
 }
 
 impl SimArm {
-    const PERIOD: Duration = Duration::from_millis(2);
+    /// Time between samples.
+    pub const PERIOD: Duration = Duration::from_millis(2);
 
     /// An arm at rest at `q_start` (rad): `chain` leads from base to tool0, the board's hole is at `base_T_hole`.
     ///

@@ -6,7 +6,7 @@ use palpate_env::{Outcome, Summary};
 use palpate_safety::Tally;
 
 /// Episodes behind the rolling figures.
-pub(crate) const WINDOW: usize = 20;
+const WINDOW: usize = 20;
 
 /// Counters of a run; part of every checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]

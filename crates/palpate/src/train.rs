@@ -13,7 +13,7 @@ use palpate_sac::{Mode, Sac, Transition, UpdateStats};
 
 use crate::baselines::Actor;
 use crate::config::{Choice, Config};
-use crate::progress::{Evaluation, Progress, WINDOW};
+use crate::progress::{Evaluation, Progress};
 use crate::stack::{Purpose, SimEnv, sim_env};
 use crate::{evaluate, interrupt};
 
@@ -143,6 +143,9 @@ impl Trainer {
     fn run(mut self) -> anyhow::Result<()> {
         let started = Instant::now();
         self.console.note(&format!("run directory: {}", self.dir.path().display()));
+        for warning in self.config.warnings() {
+            self.console.note(&format!("warning: {warning}"));
+        }
         let every = |step: u64, every: u64| step / every;
         while self.progress.step < self.config.run.steps && !interrupt::requested() {
             let before = self.progress.step;
@@ -308,9 +311,10 @@ impl Trainer {
             x.map_or_else(|| "–".into(), |x| format!("{x:.digits$}"))
         };
         format!(
-            "return {}  success {} of last {WINDOW}  collisions {}  peak {} N",
+            "return {}  success {} of last {}  collisions {}  peak {} N",
             number(p.mean_return(), 0),
-            number(p.success_rate().map(|rate| rate * WINDOW as f64), 0),
+            number(p.success_rate().map(|rate| rate * p.recent.len() as f64), 0),
+            p.recent.len(),
             p.collisions,
             number(p.mean_peak_force(), 1),
         )
