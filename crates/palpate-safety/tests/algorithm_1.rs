@@ -48,6 +48,7 @@ fn limits(mode: Mode) -> SafetyConfig {
         speed_reference: SpeedReference::Commanded,
         force_filter_cutoff: 50.0,
         reset: ResetLimits { force_max: 60.0, torque_max: 6.0 },
+        shield: None,
     }
 }
 
