@@ -62,7 +62,7 @@ pub enum EnvError<E: std::error::Error + 'static> {
         /// Tries.
         tries: u32,
         /// How the last one failed.
-        last: Box<EnvError<E>>,
+        last: String,
     },
     /// `step` was called before `reset` or after the episode's end.
     #[error("no episode is under way: call reset first")]

@@ -1,7 +1,7 @@
 //! The safe path back to the start.
 
 use palpate_kinematics::IkOptions;
-use palpate_safety::shield::{Action, Recovery, Seen, Standing};
+use palpate_safety::shield::{Action, Cause, Recovery, Seen, Standing};
 use palpate_safety::{Guarded, Measurement, Mode, Refusal, Verdict};
 use palpate_spatial::{JointVector, Pose, Vector3};
 
@@ -70,13 +70,15 @@ fn recover<R: Guarded>(
             Action::Path => {
                 failure = match path(robot, way, q_start) {
                     Ok(()) => None,
-                    Err(e @ (EnvError::ResetForce(_) | EnvError::ResetRefused(_))) => Some(e),
+                    Err(e @ (EnvError::ResetForce(_) | EnvError::ResetRefused(_))) => {
+                        Some(e.to_string())
+                    }
                     Err(e) => return Err(e),
                 };
             }
             Action::Done => return Ok(()),
             Action::AskHuman => {
-                let last = Box::new(failure.unwrap_or(EnvError::NoEpisode));
+                let last = failure.unwrap_or_default();
                 return Err(EnvError::AskHuman { tries: recovery.tries(), last });
             }
         }
@@ -166,10 +168,14 @@ fn way_over<R: Guarded>(
     // The fastest joint peaks at π/2 times its mean speed.
     let duration = path.amax() * std::f64::consts::FRAC_PI_2 / config.joint_speed;
     let ticks = (duration / dt).ceil().max(1.0) as u64;
-    for tick in 1..=ticks {
+    let mut tick = 1;
+    while tick <= ticks {
         let s = tick as f64 / ticks as f64;
         let blend = (1.0 - (std::f64::consts::PI * s).cos()) / 2.0;
         follow_joints(robot, &(from + path * blend), refused)?;
+        // A shield may slow the arm down: the path waits for it.
+        let slowed = robot.decision().and_then(|d| d.cause).is_some_and(Cause::is_slowed);
+        tick += u64::from(!slowed);
     }
     // Exactly the goal, whatever the cosine rounded to.
     follow_joints(robot, to, refused)

@@ -21,7 +21,7 @@ fn main() -> ExitCode {
         [("preset", support::preset(), seed), ("wide", support::wide(), seed + 1_000_000)]
     {
         let start = std::time::Instant::now();
-        let report = soak::run(&safety, seed, actions / 2, false);
+        let mut report = soak::run(&safety, seed, actions / 2, false);
         let seconds = start.elapsed().as_secs_f64();
         println!("{name} workspace: {} actions in {seconds:.0} s", report.ticks);
         for (kind, n) in adversary::KINDS.iter().zip(report.by_kind) {
@@ -33,6 +33,11 @@ fn main() -> ExitCode {
         for (kind, n) in judge::KINDS.iter().zip(report.judge.counts) {
             println!("  {:<20} {n:>9} violations", format!("{kind:?}"));
         }
+        report.nanoseconds.sort_unstable();
+        let percentile =
+            |p: f64| report.nanoseconds[(p * (report.nanoseconds.len() - 1) as f64) as usize];
+        let (p50, p99, p999) = (percentile(0.5), percentile(0.99), percentile(0.999));
+        println!("  cost of a tick       p50 {p50} ns, p99 {p99} ns, p99.9 {p999} ns");
         println!("  least |det J|        {:.2e}", report.least_manipulability);
         violations += report.judge.total();
     }

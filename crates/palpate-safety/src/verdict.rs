@@ -58,6 +58,14 @@ pub enum Refusal {
         /// Limit, rad.
         limit: f64,
     },
+    /// The tool would have to jump (shield mode).
+    #[error("the tool would jump by {step:.4} m, more than {limit:.4} m in one command")]
+    ToolJump {
+        /// Step, m.
+        step: f64,
+        /// Limit, m.
+        limit: f64,
+    },
     /// The arm, or its brake, would come too near to something (shield mode).
     #[error("the arm would come too near to {obstacle}: clearance {distance:.4} m")]
     Obstacle {
@@ -97,7 +105,9 @@ impl Refusal {
             Self::JointRange { value, lower, upper, .. } => {
                 (Cause::JointRange, (value - lower).min(upper - value))
             }
-            Self::Jump { step, limit, .. } => (Cause::Branch, limit - step),
+            Self::Jump { step, limit, .. } | Self::ToolJump { step, limit } => {
+                (Cause::Branch, limit - step)
+            }
             Self::Obstacle { obstacle, distance } => match obstacle {
                 Obstacle::Workspace { .. } => (Cause::Workspace, distance),
                 Obstacle::Plane(_) => (Cause::Plane, distance),

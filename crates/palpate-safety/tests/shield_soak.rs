@@ -22,8 +22,9 @@ fn a_million_adversarial_actions_violate_nothing() {
         }
         assert!(report.by_kind.iter().all(|&n| n > 1_000), "{:?}", report.by_kind);
     }
-    // The adversaries did get to every limit.
-    let not_attacked = [Cause::Implausible, Cause::Tracking];
+    // The adversaries did get to every limit. Samples and tracking have tests of their own; a joint that is too
+    // fast is slowed before its brake could be.
+    let not_attacked = [Cause::Implausible, Cause::Tracking, Cause::JointSpeed];
     for &cause in Cause::ALL.iter().filter(|c| !not_attacked.contains(c)) {
         assert!(seen[cause as usize] > 0, "nobody tried {cause:?}");
     }

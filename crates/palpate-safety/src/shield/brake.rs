@@ -157,9 +157,10 @@ impl Brake {
     /// How far a joint still moves the wrong way before it turns round, rad.
     fn turn_round(&self, mut v: f64, mut alpha: f64) -> f64 {
         let mut back = 0.0;
-        while v < 0.0 {
+        // Rounding may leave a last trace of speed when α is used up.
+        while v < 0.0 && alpha + self.ramp < 0.0 {
             alpha += self.ramp;
-            v -= alpha.min(self.acceleration) * self.dt;
+            v -= alpha * self.dt;
             back -= v.min(0.0) * self.dt;
         }
         back

@@ -20,6 +20,8 @@ pub struct ShieldConfig {
     pub stop_time_max: f64,
     /// Largest joint step of one command, rad: beyond it, it is a branch flip or a jump.
     pub branch_step_max: f64,
+    /// Largest tool step of one command, m.
+    pub tool_step_max: f64,
     /// Largest distance of the measured joints from their set-points, rad.
     pub tracking_error_max: f64,
     /// Distance that capsules keep from planes and from each other, m.
@@ -94,9 +96,12 @@ pub struct ForceConfig {
     pub rearm_ratio: f64,
     /// Time that it must stay there, s.
     pub rearm_time: f64,
+    /// Part of `force_max` that the approach aims at, so that a steady press does not trip.
+    pub aim_ratio: f64,
     /// Stiffest contact to be expected, in series with tool, sensor and arm, N/m.
     pub stiffness: f64,
-    /// Time from a force to the end of the motion that makes it: filter, servo lag, stop; s.
+    /// Time from a force to the beginning of the brake at the joints: period, filter, servo lag; s. The time that
+    /// the brake itself takes is added.
     pub reaction_time: f64,
 }
 

@@ -1,23 +1,23 @@
 //! The shield itself: sample and proposal in, verdict and set-point out.
 #![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
 
-use palpate_kinematics::SerialChain;
+use palpate_kinematics::{Frame, SerialChain};
 use palpate_robot_io::RobotState;
 use palpate_spatial::{DOF, JointVector, Pose, UnitQuaternion, Vector3, Wrench};
 
 use super::brake::Brake;
 use super::config::ShieldConfig;
 use super::force::{Contact, ForceGuard, WrenchLimits};
-use super::geometry::{Clearance, Geometry};
-use super::headroom::Headroom;
+use super::geometry::Geometry;
+use super::headroom::{Bounds, Headroom};
 use super::ledger::{Cause, Entry, Ledger};
-use super::motion::Motion;
+use super::motion::{MAIN, Motion};
 use super::plausible::{Implausible, Watch};
 use super::prove;
 use super::recovery::Standing;
 use super::retreat::Retreat;
 use super::shape::ArmShape;
-use super::verify::Verifier;
+use super::verify::{Verified, Verifier};
 use super::wish::Wish;
 use crate::limits::{LimitsError, SafetyConfig};
 use crate::{Excess, Measurement, Refusal, Verdict};
@@ -44,8 +44,8 @@ pub struct Decision {
     pub proposed: Option<JointVector>,
     /// Why the set-point is not simply the proposal, if it is not.
     pub cause: Option<Cause>,
-    /// Where the next tool pose should start from, if the arm was slowed or braked and so did not get to
-    /// where the proposal said.
+    /// Where the next tool pose must start from, if the arm was slowed or braked and so did not get to where
+    /// the proposal said. A stream of poses that ignores this asks for jumps.
     pub governed: Option<Pose>,
 }
 
@@ -67,8 +67,8 @@ pub struct Shield {
     pub(super) config: ShieldConfig,
     pub(super) chain: SerialChain<DOF>,
     pub(super) verifier: Verifier,
-    pub(super) headroom: Headroom,
-    pub(super) guard: ForceGuard,
+    headroom: Headroom,
+    guard: ForceGuard,
     episode: WrenchLimits,
     reset: WrenchLimits,
     watch: Watch,
@@ -80,7 +80,10 @@ pub struct Shield {
     pub(super) target: JointVector,
     pub(super) target_pose: Option<Pose>,
     pub(super) manipulability: Option<f64>,
+    /// Clearance of the set-point, where it is known.
     clearance: Option<f64>,
+    /// How long the brake from here takes, s.
+    stopping_time: f64,
     stop: Option<(Excess, Stage)>,
     ledger: Ledger,
 }
@@ -111,6 +114,9 @@ impl Shield {
         let verifier = Verifier {
             dt,
             brakes: std::array::from_fn(|i| Brake::new(acceleration[i], jerk[i], dt)),
+            side: std::array::from_fn(|i| {
+                Brake::new((1.0 - MAIN) * acceleration[i], (1.0 - MAIN) * jerk[i], dt)
+            }),
             lower: chain.limits().lower + margin,
             upper: chain.limits().upper - margin,
             velocity: safety.joint_velocity_max,
@@ -150,6 +156,7 @@ impl Shield {
             target_pose: None,
             manipulability: None,
             clearance: None,
+            stopping_time: 0.0,
             stop: None,
         })
     }
@@ -182,7 +189,7 @@ impl Shield {
             }
         }
         if let Some((excess, stage)) = self.stop {
-            return self.stopped(m, &here, excess, stage, contact);
+            return self.stopped(m, &here, excess, stage);
         }
         if *proposal == Proposal::Rest {
             let executed = self.brake(&here);
@@ -198,17 +205,16 @@ impl Shield {
         let step = self.believe(m, &here, contact).and_then(|()| self.wish(m, proposal)).and_then(
             |wish| {
                 proposed = Some(wish.proposed);
-                self.advance(&here, &wish)
+                self.advance(m, &here, &wish)
             },
         );
         match step {
             Ok(cause) => {
                 let executed = self.executed(&here);
                 if let Some(cause) = cause {
-                    self.record(m, cause, proposed, &executed, self.clearance.unwrap_or(0.0));
+                    self.record(m, cause, proposed, &executed, self.clearance.unwrap_or(f64::NAN));
                 }
-                let slowed = cause.is_some_and(|c| c != Cause::Shaped);
-                let governed = slowed.then(|| self.target_pose());
+                let governed = cause.map(|_| self.target_pose());
                 Decision { verdict: Verdict::Accepted, executed, proposed, cause, governed }
             }
             Err(refusal) => {
@@ -277,7 +283,7 @@ impl Shield {
     pub fn restart(&mut self) {
         self.tared();
         (self.bad, self.bad_samples) = (None, 0);
-        (self.motion, self.stop, self.clearance) = (None, None, None);
+        (self.motion, self.stop, self.clearance, self.stopping_time) = (None, None, None, 0.0);
     }
 
     /// The verdicts so far.
@@ -333,18 +339,24 @@ impl Shield {
         Ok(())
     }
 
-    /// Follows the wish, exactly if that is legal, else as fast as the limits allow.
-    fn advance(&mut self, here: &Motion, wish: &Wish) -> Result<Option<Cause>, Refusal> {
+    /// Follows the wish: exactly if that is legal, else as fast as the limits allow, with all joints in step if
+    /// possible.
+    fn advance(
+        &mut self,
+        m: &Measurement,
+        here: &Motion,
+        wish: &Wish,
+    ) -> Result<Option<Cause>, Refusal> {
+        let clearance = self.clearance(here);
         let v = &self.verifier;
-        let floor = self.floor(here);
         let lag = self.target - here.q;
         let snug = (0..DOF).all(|i| lag[i].abs() <= SNUG * v.jerk[i] * v.dt.powi(3));
         if snug {
             let exact = here.reaching(&wish.target, v.dt);
             if v.step_is_legal(here, &exact)
-                && let Ok(clearance) = v.brake_is_legal(&self.chain, here, &exact, floor)
+                && let Ok(verified) = v.brake_is_legal(&self.chain, here, &exact, clearance)
             {
-                self.settle(exact, wish, clearance);
+                self.settle(exact, wish.target, wish.pose, wish.manipulability, verified);
                 return Ok(wish.slowed);
             }
         }
@@ -353,33 +365,66 @@ impl Shield {
         if excess > 1.0 {
             speed /= excess;
         }
-        let step = here.approaching(&speed, &v.brakes, v.dt);
-        let clearance = v.brake_is_legal(&self.chain, here, &step, floor)?;
-        self.settle(step, wish, clearance);
+        if !snug {
+            // What is made up for counts as approach, too.
+            speed *= self.bounds(m).scale(&self.tool_velocity(&speed));
+        }
+        let together = here
+            .together(&speed, &v.acceleration, &v.jerk, &v.side, v.dt)
+            .filter(|step| v.step_is_legal(here, step))
+            .map(|step| (step, v.brake_is_legal(&self.chain, here, &step, clearance)));
+        let (step, verified) = match together {
+            Some((step, Ok(verified))) => (step, verified),
+            _ => {
+                let step = here.approaching(&speed, &v.brakes, v.dt);
+                (step, v.brake_is_legal(&self.chain, here, &step, clearance)?)
+            }
+        };
+        // A path of joints is caught up with; a tool command is answered by where the arm got to.
+        let target = if wish.absolute { wish.target } else { step.q };
+        self.settle(step, target, None, None, verified);
         Ok(wish.slowed.or(Some(Cause::Shaped)))
     }
 
-    /// The clearance that must be kept: none is given up, and an arm that has none may not lose more.
-    fn floor(&self, here: &Motion) -> f64 {
-        let known = self.clearance.filter(|&c| c >= 0.0);
-        known
+    /// Clearance of the set-point.
+    pub(super) fn clearance(&self, here: &Motion) -> f64 {
+        self.clearance
             .unwrap_or_else(|| self.verifier.geometry.clearance(&self.chain, &here.q).distance)
-            .min(0.0)
     }
 
-    fn settle(&mut self, motion: Motion, wish: &Wish, clearance: Clearance) {
+    fn settle(
+        &mut self,
+        motion: Motion,
+        target: JointVector,
+        pose: Option<Pose>,
+        manipulability: Option<f64>,
+        verified: Verified,
+    ) {
         self.motion = Some(motion);
-        self.clearance = Some(clearance.distance);
-        (self.target, self.target_pose) = (wish.target, wish.pose);
-        self.manipulability = wish.manipulability;
+        self.clearance = Some(verified.clearance);
+        self.stopping_time = verified.stopping_time;
+        (self.target, self.target_pose, self.manipulability) = (target, pose, manipulability);
     }
 
     /// One tick of the brake that was verified with the last accepted step.
     fn brake(&mut self, here: &Motion) -> JointVector {
         let motion = here.braked(&self.verifier.brakes, self.verifier.dt);
-        self.motion = Some(motion);
+        (self.motion, self.clearance) = (Some(motion), None);
+        self.stopping_time = (self.stopping_time - self.verifier.dt).max(0.0);
         (self.target, self.target_pose, self.manipulability) = (motion.q, None, None);
         motion.q
+    }
+
+    /// How fast the tool may move now.
+    pub(super) fn bounds(&self, m: &Measurement) -> Bounds {
+        let limit = self.config.force.aim_ratio * self.guard.soft().force;
+        self.headroom.bounds(&m.raw_wrench, &m.wrench, limit, self.stopping_time)
+    }
+
+    /// Velocity of the tool centre point at the target for joint speeds, m/s, base axes.
+    pub(super) fn tool_velocity(&self, speed: &JointVector) -> Vector3 {
+        let J = self.chain.kinematics(&self.target).jacobian(Frame::BaseAligned);
+        (J * speed).fixed_rows::<3>(0).into()
     }
 
     fn executed(&self, here: &Motion) -> JointVector {
@@ -401,7 +446,6 @@ impl Shield {
         here: &Motion,
         excess: Excess,
         stage: Stage,
-        contact: Contact,
     ) -> Decision {
         let dt = self.verifier.dt;
         let mut stage = match stage {
@@ -412,7 +456,7 @@ impl Shield {
         };
         let mut moved = false;
         if let Stage::Retreating(retreat) = &mut stage {
-            let trusted = self.bad.is_none() && !matches!(contact, Contact::Hard(_));
+            let trusted = self.bad.is_none();
             let away = retreat.step(&m.wrench.force, dt).filter(|_| trusted);
             moved = away.is_some_and(|v| self.give_way(m, here, &v));
             if !moved {
@@ -430,7 +474,7 @@ impl Shield {
         let mut pose = self.target_pose();
         pose.translation.vector += velocity * self.verifier.dt;
         let wish = self.wish(m, &Proposal::Pose(pose));
-        wish.and_then(|wish| self.advance(here, &wish)).is_ok()
+        wish.and_then(|wish| self.advance(m, here, &wish)).is_ok()
     }
 
     fn halted(&self, excess: Excess, cause: Cause, executed: JointVector) -> Decision {

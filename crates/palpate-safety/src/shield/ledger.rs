@@ -54,10 +54,25 @@ causes! {
     SlowedBySpeed = "slowed-by-speed",
     /// Slowed: too little force left for this approach speed.
     SlowedByForce = "slowed-by-force",
+    /// Slowed: towards an obstacle.
+    SlowedByObstacle = "slowed-by-obstacle",
     /// Slowed: towards a singularity.
     SlowedBySingularity = "slowed-by-singularity",
     /// Followed as fast as acceleration and jerk allow.
     Shaped = "shaped",
+}
+
+impl Cause {
+    /// Whether the arm follows, but not as fast as it was asked to: a timed path should wait.
+    pub fn is_slowed(self) -> bool {
+        matches!(
+            self,
+            Self::SlowedBySpeed
+                | Self::SlowedByForce
+                | Self::SlowedByObstacle
+                | Self::SlowedBySingularity
+        )
+    }
 }
 
 /// Verdicts by cause, in control ticks.

@@ -36,7 +36,7 @@ pub use config::{
 pub use core::{Decision, Proposal, Shield};
 pub use force::{Contact, ForceGuard, WrenchLimits};
 pub use geometry::{Clearance, Geometry, Obstacle};
-pub use headroom::Headroom;
+pub use headroom::{Bounds, Headroom};
 pub use ledger::{Cause, Counts, Entry, Ledger};
 pub use motion::Motion;
 pub use plausible::{Implausible, Watch};

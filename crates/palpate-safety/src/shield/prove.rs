@@ -35,6 +35,7 @@ fn numbers(s: &ShieldConfig) -> Result<(), LimitsError> {
     let positive = [
         ("stop_time_max", s.stop_time_max),
         ("branch_step_max", s.branch_step_max),
+        ("tool_step_max", s.tool_step_max),
         ("tracking_error_max", s.tracking_error_max),
         ("tool.radius", s.tool.radius),
         ("singularity.slow_below", s.singularity.slow_below),
@@ -64,6 +65,8 @@ fn numbers(s: &ShieldConfig) -> Result<(), LimitsError> {
     require(stop >= 0.0 && stop < slow, "singularity.stop_below", stop, must)?;
     let ratio = s.force.rearm_ratio;
     require(ratio > 0.0 && ratio < 1.0, "force.rearm_ratio", ratio, "between 0 and 1")?;
+    let aim = s.force.aim_ratio;
+    require(aim > 0.0 && aim <= 1.0, "force.aim_ratio", aim, "above 0 and at most 1")?;
     let (wait, calm) = (s.recovery.patience, s.recovery.free_air_time);
     let must = format!("at least recovery.free_air_time ({calm} s)");
     require(wait >= calm && wait.is_finite(), "recovery.patience", wait, must)?;
@@ -191,7 +194,8 @@ fn forces(safety: &SafetyConfig, s: &ShieldConfig, dt: f64) -> Result<(), Limits
     let reaction = f.reaction_time;
     let must = format!("at least two control periods ({} s)", 2.0 * dt);
     require(reaction >= 2.0 * dt && reaction.is_finite(), "force.reaction_time", reaction, must)?;
-    let speed = Headroom::new(f.stiffness, reaction).free_speed(safety.force_max);
+    let speed =
+        Headroom::new(f.stiffness, reaction).free_speed(f.aim_ratio * safety.force_max, 0.0);
     let must = format!(
         "smaller, or force.reaction_time must be: {speed:.5} m/s is all that force_max leaves for the approach, \
          less than {LEAST_SPEED} m/s"

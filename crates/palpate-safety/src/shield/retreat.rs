@@ -4,27 +4,33 @@ use palpate_spatial::Vector3;
 
 use super::config::RetreatConfig;
 
+/// The force may still grow this much while the servo catches up with the stop.
+const GROWTH: f64 = 1.3;
+
 /// The retreat under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Retreat {
     config: RetreatConfig,
     moved: f64,
     time: f64,
+    /// Force at the start, N.
+    start: Option<f64>,
 }
 
 impl Retreat {
     /// A retreat that has not begun.
     pub fn new(config: RetreatConfig) -> Self {
-        Self { config, moved: 0.0, time: 0.0 }
+        Self { config, moved: 0.0, time: 0.0, start: None }
     }
 
     /// Velocity for the next `dt` (s) given the force on the tool (N, base axes), m/s; none when it is over.
     ///
-    /// It yields to the force as it is now, at full speed above twice the free force and slower below.
+    /// A force that grows instead of falling ends it: something else is in the way. It yields to the force as it is now, at full speed above twice the free force and slower below.
     pub fn step(&mut self, force: &Vector3, dt: f64) -> Option<Vector3> {
         let norm = force.norm();
-        let Self { config: c, moved, time } = self;
-        let on = norm > c.free_force && *moved < c.distance && *time < c.time_max;
+        let Self { config: c, moved, time, start } = self;
+        let falls = norm <= GROWTH * *start.get_or_insert(norm);
+        let on = falls && norm > c.free_force && *moved < c.distance && *time < c.time_max;
         if !(on && norm.is_finite()) {
             return None;
         }
@@ -64,6 +70,9 @@ mod tests {
             moved += v.norm() * 0.002;
         }
         assert!((moved - 0.005).abs() < 3e-5, "{moved}");
+        let mut wrong = Retreat::new(CONFIG);
+        assert!(wrong.step(&Vector3::new(0.0, 30.0, 0.0), 0.002).is_some());
+        assert_eq!(wrong.step(&Vector3::new(0.0, 40.0, 0.0), 0.002), None, "the force grows");
         assert_eq!(Retreat::new(CONFIG).step(&Vector3::new(f64::NAN, 0.0, 0.0), 0.002), None);
     }
 }

@@ -9,6 +9,10 @@ use super::geometry::{Clearance, Geometry};
 use super::motion::Motion;
 use crate::Refusal;
 
+/// The arm settles this far inside its walls, m. The joints do not brake in step, so a brake swerves a little;
+/// without room for that an arm at a wall could not even leave it.
+pub(crate) const GUARD: f64 = 5e-5;
+
 /// Rounding of speeds that are at their limit by construction.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
@@ -17,12 +21,23 @@ const ROUNDING: f64 = 1.0 + 1e-12;
 pub(crate) struct Verifier {
     pub(crate) dt: f64,
     pub(crate) brakes: [Brake; DOF],
+    /// Weak brakes for what is across the way, see [`Motion::together`].
+    pub(crate) side: [Brake; DOF],
     pub(crate) lower: JointVector,
     pub(crate) upper: JointVector,
     pub(crate) velocity: JointVector,
     pub(crate) acceleration: JointVector,
     pub(crate) jerk: JointVector,
     pub(crate) geometry: Geometry,
+}
+
+/// What a legal step leaves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Verified {
+    /// Clearance at its end, m.
+    pub(crate) clearance: f64,
+    /// Time until the brake has stopped every joint, s.
+    pub(crate) stopping_time: f64,
 }
 
 impl Verifier {
@@ -38,16 +53,17 @@ impl Verifier {
     /// Whether `to` and the whole brake from there keep to joint ranges and speeds and out of every
     /// obstacle.
     ///
-    /// An arm that is outside already (a start outside the box) may move as long as it comes no nearer:
-    /// `floor` is the clearance it has, at most 0.
+    /// `clearance` is what the arm has now. One that is outside already (a start outside the box) may move as
+    /// long as it comes no nearer.
     pub(crate) fn brake_is_legal(
         &self,
         chain: &SerialChain<DOF>,
         from: &Motion,
         to: &Motion,
-        floor: f64,
-    ) -> Result<Clearance, Refusal> {
+        clearance: f64,
+    ) -> Result<Verified, Refusal> {
         let mut sweep = JointVector::zeros();
+        let mut ticks: f64 = 0.0;
         for joint in 0..DOF {
             let (v, q) = (to.v[joint], to.q[joint]);
             let stop = self.brakes[joint].stop(v, to.a[joint]);
@@ -63,8 +79,10 @@ impl Verifier {
                 }
             }
             sweep[joint] = stop.sweep;
+            ticks = ticks.max(stop.ticks);
         }
-        self.way_is_clear(chain, to, &sweep, floor)
+        let clearance = self.way_is_clear(chain, to, &sweep, clearance)?.distance;
+        Ok(Verified { clearance, stopping_time: ticks * self.dt })
     }
 
     /// Conservative advancement along the brake: as long as no point can have moved farther than the last
@@ -74,9 +92,9 @@ impl Verifier {
         chain: &SerialChain<DOF>,
         to: &Motion,
         sweep: &JointVector,
-        floor: f64,
+        clearance: f64,
     ) -> Result<Clearance, Refusal> {
-        let at = |q: &JointVector| {
+        let at = |q: &JointVector, floor: f64| {
             let clearance = self.geometry.clearance(chain, q);
             let Clearance { distance, obstacle } = clearance;
             if distance >= floor {
@@ -85,27 +103,26 @@ impl Verifier {
                 Err(Refusal::Obstacle { obstacle, distance })
             }
         };
-        let here = at(&to.q)?;
+        // The step ends a guard's width inside, or no farther outside than it began; the brake may use the guard.
+        let here = at(&to.q, clearance.clamp(0.0, GUARD).min(clearance))?;
+        let floor = clearance.min(0.0);
         let mut left = here.distance - floor;
         if self.geometry.travel(sweep) <= left {
             return Ok(here);
         }
-        let (mut nearest, mut motion) = (here, *to);
+        let mut motion = *to;
         while !motion.is_at_rest() {
             motion = motion.braked(&self.brakes, self.dt);
             left -= self.geometry.travel(&(motion.v.abs() * self.dt));
             if !(left >= 0.0) {
-                let clearance = at(&motion.q)?;
-                if clearance.distance < nearest.distance {
-                    nearest = clearance;
-                }
+                let clearance = at(&motion.q, floor)?;
                 left = clearance.distance - floor;
                 if self.geometry.travel(&self.sweep(&motion)) <= left {
                     break;
                 }
             }
         }
-        Ok(nearest)
+        Ok(here)
     }
 
     fn sweep(&self, motion: &Motion) -> JointVector {

@@ -2,11 +2,18 @@
 #![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
 
 use palpate_kinematics::{Frame, IkOptions};
-use palpate_spatial::{DOF, JointVector, Pose, Vector3};
+use palpate_spatial::{DOF, JointVector, Pose};
 
 use super::core::{Proposal, Shield};
 use super::ledger::Cause;
+use super::verify::GUARD;
 use crate::{Measurement, Refusal};
+
+/// Time constant of an approach to an obstacle, s: several times a brake from moderate speed.
+const APPROACH: f64 = 0.15;
+
+/// Lag behind a path of joints from which on the path is slowed, rad; at twice as much it waits.
+const LAG: f64 = 0.02;
 
 /// A proposal, slowed where it must be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,6 +24,8 @@ pub(super) struct Wish {
     pub(super) target: JointVector,
     /// Speed from the last target to this one, rad/s.
     pub(super) velocity: JointVector,
+    /// Whether the target is a point of a path that is to be caught up with.
+    pub(super) absolute: bool,
     /// base_T_tool at the target, where it is known.
     pub(super) pose: Option<Pose>,
     /// |det J| at the target, where it is known.
@@ -42,9 +51,13 @@ impl Shield {
             return Err(Refusal::NonFinite);
         }
         let from = self.target_pose().translation.vector;
+        let step = (base_T_tool.translation.vector - from).norm();
+        let limit = self.config.tool_step_max;
+        if !(step <= limit) {
+            return Err(Refusal::ToolJump { step, limit });
+        }
         let asked = (base_T_tool.translation.vector - from) / dt;
-        let limit = self.guard.soft().force;
-        let allowed = self.headroom.limited(&asked, &m.raw_wrench, &m.wrench, limit);
+        let allowed = self.bounds(m).limited(&asked);
         let mut pose = *base_T_tool;
         let mut slowed = None;
         if allowed != asked {
@@ -79,11 +92,14 @@ impl Shield {
                 return Err(Refusal::Jump { joint, step, limit });
             }
         }
-        let wish = self.scaled(q, 1.0, None);
-        let J = self.chain.kinematics(&self.target).jacobian(Frame::BaseAligned);
-        let v: Vector3 = (J * wish.velocity).fixed_rows::<3>(0).into();
-        let limit = self.guard.soft().force;
-        let scale = self.headroom.scale(&v, &m.raw_wrench, &m.wrench, limit);
+        // An arm too far behind its path is waited for.
+        let lag = self.motion().map_or(0.0, |here| (self.target - here.q).amax());
+        let patience = (2.0 - lag / LAG).clamp(0.0, 1.0);
+        let wish = Wish {
+            absolute: true,
+            ..self.scaled(q, patience, (patience < 1.0).then_some(Cause::Shaped))
+        };
+        let scale = self.bounds(m).scale(&self.tool_velocity(&wish.velocity));
         if scale < 1.0 {
             let velocity = wish.velocity * scale;
             let target = self.target + velocity * self.verifier.dt;
@@ -102,9 +118,37 @@ impl Shield {
         } else {
             (scale, slowed)
         };
+        let (scale, slowed) = match self.towards_obstacle(&(step * scale)) {
+            part if part < 1.0 => (scale * part, Some(Cause::SlowedByObstacle)),
+            _ => (scale, slowed),
+        };
         let target = if scale < 1.0 { self.target + step * scale } else { *q };
         let velocity = (target - self.target) / dt;
-        Wish { proposed: *q, target, velocity, pose: None, manipulability: None, slowed }
+        Wish {
+            proposed: *q,
+            target,
+            velocity,
+            absolute: false,
+            pose: None,
+            manipulability: None,
+            slowed,
+        }
+    }
+
+    /// The part of a joint step that the distance to the nearest obstacle allows: the clearance may shrink by no
+    /// more than its [`APPROACH`]th part per second. The arm then settles before a wall instead of running into
+    /// the refusals that guarantee it.
+    fn towards_obstacle(&self, step: &JointVector) -> f64 {
+        let Some(here) = self.motion() else { return 1.0 };
+        let part = self.verifier.dt / APPROACH;
+        let clearance = self.clearance(here);
+        let geometry = &self.verifier.geometry;
+        if geometry.travel(&step.abs()) <= (clearance - 2.0 * GUARD) * part {
+            return 1.0;
+        }
+        let there = geometry.clearance(&self.chain, &(here.q + step)).distance;
+        let (shrinks, allowed) = (clearance - there, (clearance - 2.0 * GUARD).max(0.0) * part);
+        if shrinks > allowed { allowed / shrinks } else { 1.0 }
     }
 
     /// |det J| at `q`, and the part of the speed that the way there is allowed: everything away from the

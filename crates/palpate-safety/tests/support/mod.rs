@@ -11,6 +11,8 @@ pub(crate) mod adversary;
 pub(crate) mod judge;
 pub(crate) mod soak;
 
+use std::sync::LazyLock;
+
 use palpate_kinematics::SerialChain;
 use palpate_robot_io::RobotState;
 use palpate_safety::{Measurement, Mode, SafetyConfig};
@@ -40,7 +42,8 @@ pub(crate) fn tool0_T_tool() -> Pose {
 
 /// base_link to tool centre point.
 pub(crate) fn chain() -> SerialChain<DOF> {
-    arm().with_tool(tool0_T_tool())
+    static CHAIN: LazyLock<SerialChain<DOF>> = LazyLock::new(|| arm().with_tool(tool0_T_tool()));
+    CHAIN.clone()
 }
 
 /// The limits of the default preset: a peg task on a UR3e.

@@ -18,6 +18,8 @@ pub(crate) struct Report {
     pub(crate) by_kind: [u64; KINDS.len()],
     /// Least |det J| on the way.
     pub(crate) least_manipulability: f64,
+    /// Cost of each tick.
+    pub(crate) nanoseconds: Vec<u32>,
 }
 
 /// `ticks` proposals; the judge sees what the shield sends, or with `unguarded` what was asked for.
@@ -30,9 +32,10 @@ pub(crate) fn run(safety: &SafetyConfig, seed: u64, ticks: u64, unguarded: bool)
     let (mut q, mut lagging) = (home(), home());
     let mut adversary = Adversary::new(Kind::Honest, &q, rng);
     let (mut until, mut restart_at) = (0, 0);
-    let mut wrench = Wrench::zero();
+    let (mut wrench, mut push) = (Wrench::zero(), Vector3::zeros());
     let mut least_manipulability = f64::INFINITY;
     let mut asked = q;
+    let mut nanoseconds = Vec::with_capacity(ticks as usize);
     for tick in 0..ticks {
         if tick >= restart_at {
             q = start(&judge, rng);
@@ -53,16 +56,15 @@ pub(crate) fn run(safety: &SafetyConfig, seed: u64, ticks: u64, unguarded: bool)
         }
         // Now and then something pushes, so that there are stops and retreats.
         if rng.random_bool(0.002) {
-            let push = if rng.random_bool(0.5) { 0.0 } else { rng.random_range(0.0..60.0) };
-            wrench = Wrench::new(
-                Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)) * push,
-                Vector3::zeros(),
-            );
+            let size = if rng.random_bool(0.5) { 0.0 } else { rng.random_range(0.0..140.0) };
+            push = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)) * size;
         }
         if shield.is_stopped() && rng.random_bool(0.01) {
-            wrench = Wrench::zero();
+            (wrench, push) = (Wrench::zero(), Vector3::zeros());
             shield.begin_reset();
+            shield.begin_episode();
         }
+        wrench.force += (push - wrench.force) * if tick % 3 == 0 { 0.3 } else { 0.003 };
         lagging += (q - lagging) * 0.2;
         let m = sample(&chain, tick as f64 * DT, &lagging, &q, wrench);
         let headed = if unguarded { asked } else { q };
@@ -79,7 +81,9 @@ pub(crate) fn run(safety: &SafetyConfig, seed: u64, ticks: u64, unguarded: bool)
             }
             continue;
         }
+        let before = std::time::Instant::now();
         let decision = shield.tick(&m, &proposal);
+        nanoseconds.push(before.elapsed().as_nanos() as u32);
         q = decision.executed;
         judge.see(&q);
         if tick % 16 == 0 {
@@ -87,7 +91,14 @@ pub(crate) fn run(safety: &SafetyConfig, seed: u64, ticks: u64, unguarded: bool)
             least_manipulability = least_manipulability.min(J.determinant().abs());
         }
     }
-    Report { judge, counts: shield.ledger().counts(), ticks, by_kind, least_manipulability }
+    Report {
+        judge,
+        counts: shield.ledger().counts(),
+        ticks,
+        by_kind,
+        least_manipulability,
+        nanoseconds,
+    }
 }
 
 /// A configuration that touches nothing.
