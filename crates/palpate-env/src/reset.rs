@@ -10,6 +10,9 @@ use crate::{EnvError, ResetConfig};
 /// Refused commands in a row after which the path counts as blocked.
 const PATIENCE: u32 = 50;
 
+/// Longest time that the set-point gets to arrive after its path, s.
+const CATCH_UP: f64 = 2.0;
+
 /// The way from wherever an episode ended to the start of the next.
 pub(crate) struct WayBack<'a> {
     pub(crate) config: &'a ResetConfig,
@@ -97,11 +100,28 @@ fn path<R: Guarded>(
     let m = way_out(robot, way.config, way.base_T_hole, m)?;
     let mut refused = 0;
     way_over(robot, way.config, m.state.q_target, q_start, &mut refused)?;
+    arrive(robot, q_start, &mut refused)?;
     let dt = robot.period().as_secs_f64();
     for _ in 0..(way.config.settle_time / dt).ceil() as u64 {
         follow_joints(robot, q_start, &mut refused)?;
     }
     come_to_rest(robot)?;
+    Ok(())
+}
+
+/// Behind a shield the set-point may still be on its way when the path ends. Nothing to do without one.
+fn arrive<R: Guarded>(
+    robot: &mut R,
+    q: &JointVector,
+    refused: &mut u32,
+) -> Result<(), EnvError<R::Error>> {
+    let ticks = (CATCH_UP / robot.period().as_secs_f64()) as u64;
+    for _ in 0..ticks {
+        if robot.decision().is_none_or(|decision| decision.executed == *q) {
+            break;
+        }
+        follow_joints(robot, q, refused)?;
+    }
     Ok(())
 }
 

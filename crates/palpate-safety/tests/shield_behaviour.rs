@@ -200,7 +200,7 @@ fn the_way_to_a_singularity_slows_down_and_the_way_out_does_not() {
         slowed += u32::from(rig.twist(out).cause == Some(Cause::SlowedBySingularity));
     }
     let near = manipulability(&rig.q);
-    assert!(slowed > 100 && near < 3.0 * stop && near > 0.5 * stop, "{slowed} times, {near:.2e}");
+    assert!(slowed > 20 && near < 3.0 * stop && near > 0.5 * stop, "{slowed} times, {near:.2e}");
     let here = chain().forward(&rig.q).translation.vector;
     for _ in 0..1000 {
         assert_ne!(rig.twist(-out).cause, Some(Cause::SlowedBySingularity));

@@ -84,26 +84,28 @@ impl Recovery {
     /// The next action.
     pub fn step(&mut self, seen: &Seen) -> Action {
         let next = match self.last {
-            None | Some(Action::Brake | Action::Retreat) => match seen.standing {
-                Standing::Moving => Action::Brake,
-                Standing::Retreating => Action::Retreat,
-                Standing::AtRest => self.free_air(seen),
-            },
+            None | Some(Action::Brake | Action::Retreat) => self.come_to_rest(seen),
             Some(Action::Watch) => self.free_air(seen),
             Some(Action::Tare) => self.path(),
             Some(Action::Path) if seen.arrived => Action::Done,
-            Some(Action::Path) if self.tries < self.config.tries => {
+            Some(Action::Path) => {
                 (self.calm, self.waited) = (0.0, 0.0);
-                match seen.standing {
-                    Standing::Retreating => Action::Retreat,
-                    _ => Action::Brake,
-                }
+                self.come_to_rest(seen)
             }
-            Some(Action::Path | Action::AskHuman) => Action::AskHuman,
+            Some(Action::AskHuman) => Action::AskHuman,
             Some(Action::Done) => Action::Done,
         };
         self.last = Some(next);
         next
+    }
+
+    fn come_to_rest(&mut self, seen: &Seen) -> Action {
+        match seen.standing {
+            Standing::Moving => Action::Brake,
+            Standing::Retreating => Action::Retreat,
+            Standing::AtRest if self.tries >= self.config.tries => Action::AskHuman,
+            Standing::AtRest => self.free_air(seen),
+        }
     }
 
     fn free_air(&mut self, seen: &Seen) -> Action {

@@ -71,8 +71,8 @@ impl Shield {
         };
         let q = self.chain.solve_near(&pose, &self.target, &options).map_err(Refusal::NoIk)?.q;
         let (to, slow) = self.towards_singularity(&q);
-        let wish =
-            self.scaled(&q, slow, slowed.or((slow < 1.0).then_some(Cause::SlowedBySingularity)));
+        let slowed = (slow < 1.0).then_some(Cause::SlowedBySingularity).or(slowed);
+        let wish = self.scaled(&q, slow, slowed);
         let whole = wish.target == q;
         Ok(Wish { pose: whole.then_some(pose), manipulability: whole.then_some(to), ..wish })
     }
