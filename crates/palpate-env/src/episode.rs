@@ -86,6 +86,11 @@ impl Episode {
         }
     }
 
+    /// Takes in a sample from after the end: only its force counts.
+    pub(crate) fn observe_peak(&mut self, measurement: &Measurement) {
+        self.peak_force = self.peak_force.max(measurement.raw_wrench.force.norm());
+    }
+
     /// Takes in the next sample.
     pub(crate) fn observe(&mut self, measurement: Measurement) {
         let force = measurement.raw_wrench.force.norm();
