@@ -47,7 +47,7 @@ fn the_backend_contract_holds() {
 }
 
 /// Turns the last joint at 0.2 rad/s, lets something go wrong, and goes on until there is an error.
-fn until_error(robot: &Handle, arm: &mut UrArm, fault: Fault) -> Option<FaultKind> {
+fn until_error(robot: &Handle, arm: &mut UrArm, fault: &Fault) -> Option<FaultKind> {
     let mut q = arm.read().unwrap().q;
     for tick in 0..1000 {
         if tick == 100 {
@@ -86,12 +86,7 @@ fn every_fault_is_named_and_the_arm_comes_to_rest_without_a_jump() {
     ] {
         let robot = robot();
         let mut arm = connect(&robot);
-        assert_eq!(
-            until_error(&robot, &mut arm, fault.clone()),
-            Some(kind),
-            "{fault:?}: {}",
-            log(&robot)
-        );
+        assert_eq!(until_error(&robot, &mut arm, &fault), Some(kind), "{fault:?}: {}", log(&robot));
         // Nothing is asked any more: what moves now moves by itself.
         let q = arm.sample().q();
         arm.write(&JointCommand { q }).unwrap_err();
@@ -127,7 +122,7 @@ fn what_changes_no_byte_changes_nothing() {
     ] {
         let robot = robot();
         let mut arm = connect(&robot);
-        let error = until_error(&robot, &mut arm, Fault::Link(Port::Rtde, fault));
+        let error = until_error(&robot, &mut arm, &Fault::Link(Port::Rtde, fault));
         assert_eq!(error, None, "{fault:?}: {}", log(&robot));
     }
 }
