@@ -37,6 +37,7 @@ Repository:
   bench [ARGS…]    criterion benchmarks
   soak shield [ACTIONS [SEED]]  adversaries against the fail-safe layer, 10⁷ actions
   examples         every tutorial program, with --quick
+  stability        which contacts make the force loop oscillate: docs/results/stability.md and its pictures
   help             this text
 ";
 
@@ -66,6 +67,11 @@ fn run() -> anyhow::Result<ExitCode> {
         Some("bench") => {
             let sh = workspace::shell()?;
             cmd!(sh, "cargo bench --workspace --bench * {rest...}").run()?;
+        }
+        Some("stability") => {
+            let sh = workspace::shell()?;
+            cmd!(sh, "cargo run --release -p palpate-control --example stability_map -- {rest...}")
+                .run()?;
         }
         Some("soak") => soak::command(&rest)?,
         Some("examples") => println!("{} programs ran", examples::command()?),

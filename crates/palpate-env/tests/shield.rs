@@ -152,9 +152,7 @@ fn an_arm_that_cannot_get_back_asks_a_person() {
     seen.force.set(-70.0); // beyond the reset's 60 N, for ever
     assert_eq!(outcome(&mut env, &[0.0; 14]), Outcome::Collision);
     let error = env.reset().unwrap_err();
-    assert!(
-        matches!(&error, EnvError::AskHuman { tries: 3, last } if last.contains("blocked"))
-    );
+    assert!(matches!(&error, EnvError::AskHuman { tries: 3, last } if last.contains("blocked")));
     assert!(error.to_string().contains("a person must look"), "{error}");
     assert_eq!(env.robot().standing(), Standing::AtRest);
 }
