@@ -1,5 +1,4 @@
 //! Whatever is proposed, every set-point is legal.
-#![expect(clippy::print_stdout, reason = "the report")]
 
 mod support;
 
