@@ -216,7 +216,7 @@ impl<R: Guarded> Env<R> {
             start,
             reference,
             self.reward.scale(&error),
-            measurement,
+            &measurement,
             self.robot.tally(),
         ));
         self.next_episode += 1;
@@ -263,7 +263,7 @@ impl<R: Guarded> Env<R> {
                 }
             }
             match self.robot.sense() {
-                Ok(sample) => episode.observe(sample),
+                Ok(sample) => episode.observe(&sample),
                 Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => {
                     return self.faulted(episode, &e);
                 }

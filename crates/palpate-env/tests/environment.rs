@@ -1,4 +1,5 @@
 //! The environment on an ideal arm in free air: loops, episodes, draws and endings.
+#![expect(clippy::unwrap_used, reason = "our own settings load")]
 
 use palpate_control::{ControlConfig, PolicyModel};
 use palpate_env::{Distribution, Env, EnvConfig, EnvError, Outcome, RewardConfig, TaskConfig};

@@ -38,6 +38,12 @@ fn main() -> ExitCode {
             |p: f64| report.nanoseconds[(p * (report.nanoseconds.len() - 1) as f64) as usize];
         let (p50, p99, p999) = (percentile(0.5), percentile(0.99), percentile(0.999));
         println!("  cost of a tick       p50 {p50} ns, p99 {p99} ns, p99.9 {p999} ns");
+        let [v, a, j] = report.judge.peaks;
+        println!("  of the limits        speed {v:.6}, acceleration {a:.6}, jerk {j:.6}");
+        let [wall, plane, own] = report.judge.least;
+        println!(
+            "  least clearance      box {wall:.1e} m, planes {plane:.1e} m, itself {own:.1e} m"
+        );
         println!("  least |det J|        {:.2e}", report.least_manipulability);
         violations += report.judge.total();
     }

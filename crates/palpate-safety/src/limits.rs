@@ -1,4 +1,5 @@
 //! The limits, which have no defaults: a configuration states every one.
+#![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
 
 use palpate_spatial::{JointVector, Wrench};
 
@@ -73,8 +74,8 @@ pub struct LimitsError {
 }
 
 impl LimitsError {
-    pub(crate) fn new(key: &str, value: impl ToString, must: impl Into<String>) -> Self {
-        Self { key: key.into(), value: value.to_string(), must: must.into() }
+    pub(crate) fn new(key: &str, value: impl std::fmt::Display, must: impl Into<String>) -> Self {
+        Self { key: key.into(), value: format!("{value}"), must: must.into() }
     }
 
     pub(crate) fn no_shield() -> Self {

@@ -1,4 +1,5 @@
 //! Algorithm 1 of the paper, transcribed, against the layer.
+#![expect(clippy::unwrap_used, reason = "our own arm loads")]
 
 use std::cell::Cell;
 use std::rc::Rc;

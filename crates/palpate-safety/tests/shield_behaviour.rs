@@ -1,4 +1,5 @@
 //! What the shield says and does, case by case.
+#![expect(clippy::unwrap_used, reason = "our own limits load")]
 
 mod support;
 

@@ -143,7 +143,7 @@ impl Brake {
     /// The number of whole ramp steps in G⁻¹(v).
     #[inline]
     fn segment(&self, v: f64) -> f64 {
-        ((-1.0 + (1.0 + 8.0 * v / (self.dt * self.ramp)).sqrt()) / 2.0).floor()
+        (0.5 * (1.0 + 8.0 * v / (self.dt * self.ramp)).sqrt() - 0.5).floor()
     }
 
     /// G⁻¹(v).

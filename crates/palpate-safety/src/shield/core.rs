@@ -373,12 +373,11 @@ impl Shield {
             .together(&speed, &v.acceleration, &v.jerk, &v.side, v.dt)
             .filter(|step| v.step_is_legal(here, step))
             .map(|step| (step, v.brake_is_legal(&self.chain, here, &step, clearance)));
-        let (step, verified) = match together {
-            Some((step, Ok(verified))) => (step, verified),
-            _ => {
-                let step = here.approaching(&speed, &v.brakes, v.dt);
-                (step, v.brake_is_legal(&self.chain, here, &step, clearance)?)
-            }
+        let (step, verified) = if let Some((step, Ok(verified))) = together {
+            (step, verified)
+        } else {
+            let step = here.approaching(&speed, &v.brakes, v.dt);
+            (step, v.brake_is_legal(&self.chain, here, &step, clearance)?)
         };
         // A path of joints is caught up with; a tool command is answered by where the arm got to.
         let target = if wish.absolute { wish.target } else { step.q };

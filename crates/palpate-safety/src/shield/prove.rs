@@ -1,5 +1,4 @@
 //! Limits that contradict each other are found when they are loaded, not when the arm moves.
-#![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
 
 use palpate_kinematics::SerialChain;
 use palpate_spatial::{DOF, Vector3};

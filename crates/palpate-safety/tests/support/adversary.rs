@@ -93,7 +93,7 @@ impl Adversary {
                 _ => Proposal::Joints(JointVector::from_fn(|_, _| rng.random_range(-7.0..7.0))),
             },
             Kind::BangBang => {
-                let sign = if (time / self.period) as u64 % 2 == 0 { 1.0 } else { -1.0 };
+                let sign = if ((time / self.period) as u64).is_multiple_of(2) { 1.0 } else { -1.0 };
                 along(self.direction * 0.5 * sign, self.turn * 3.0 * sign)
             }
             Kind::Nan => {
@@ -170,7 +170,7 @@ impl Adversary {
             }
             // What a learner does: a new twist now and then.
             Kind::Honest => {
-                if self.tick % 25 == 0 {
+                if self.tick.is_multiple_of(25) {
                     (self.direction, self.turn) = (unit(rng), unit(rng));
                 }
                 along(self.direction * 0.1, self.turn * 0.3)

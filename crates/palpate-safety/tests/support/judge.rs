@@ -52,6 +52,10 @@ pub(crate) struct Judge {
     upper: JointVector,
     history: Vec<JointVector>,
     pub(crate) counts: [u64; KINDS.len()],
+    /// Largest part of the limits of speed, acceleration and jerk that was seen.
+    pub(crate) peaks: [f64; 3],
+    /// Least clearance of the box, the planes and the arm from itself that was seen, m.
+    pub(crate) least: [f64; 3],
 }
 
 impl Judge {
@@ -100,6 +104,8 @@ impl Judge {
             shield,
             history: Vec::new(),
             counts: [0; KINDS.len()],
+            peaks: [0.0; 3],
+            least: [f64::INFINITY; 3],
         }
     }
 
@@ -164,9 +170,17 @@ impl Judge {
             found(Violation::Acceleration, over(acc, limit, 4.0 * ulp / DT.powi(2)));
             let limit = self.shield.joint_jerk_max[i];
             found(Violation::Jerk, over(jerk, limit, 8.0 * ulp / DT.powi(3)));
+            let parts =
+                [v / self.velocity[i], acc / self.shield.joint_acceleration_max[i], jerk / limit];
+            for (peak, part) in self.peaks.iter_mut().zip(parts) {
+                *peak = peak.max(part.abs());
+            }
         }
         self.history = vec![b, c, *q];
         let [inside, plane, own] = self.clearances(q);
+        for (least, now) in self.least.iter_mut().zip([inside, plane, own]) {
+            *least = least.min(now);
+        }
         let mut found = |kind: Violation, yes: bool| self.counts[kind as usize] += u64::from(yes);
         found(Violation::Workspace, inside < -TOLERANCE);
         found(Violation::Plane, plane < -TOLERANCE);

@@ -55,13 +55,14 @@ pub(crate) fn preset() -> SafetyConfig {
     safety
 }
 
-/// The same with room to reach singularities, the joint limits and itself.
+/// The same with room to reach singularities, the joint limits and itself, and with contacts too soft to slow it.
 pub(crate) fn wide() -> SafetyConfig {
     let mut safety = preset();
     let shield = safety.shield.as_mut().unwrap();
     shield.workspace.min = Vector3::new(-0.45, -0.45, 0.05);
     shield.workspace.max = Vector3::new(0.45, 0.45, 0.70);
     shield.planes.retain(|plane| plane.name == "table");
+    shield.force.stiffness = 100.0;
     safety
 }
 
