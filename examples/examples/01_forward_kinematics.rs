@@ -12,7 +12,10 @@ fn main() -> anyhow::Result<()> {
     let kinematics = chain.kinematics(&q);
     let base_T_tool = kinematics.pose();
     println!("tool0 in base_link: {:.4} m", base_T_tool.translation.vector.transpose());
-    println!("its z axis points:  {:.3}", (base_T_tool.rotation * nalgebra::Vector3::z()).transpose());
+    println!(
+        "its z axis points:  {:.3}",
+        (base_T_tool.rotation * nalgebra::Vector3::z()).transpose()
+    );
 
     // Rows v then ω, base axes: what the tool does when one joint turns at 1 rad/s.
     let J = kinematics.jacobian(Frame::BaseAligned);

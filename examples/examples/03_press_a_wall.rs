@@ -3,8 +3,8 @@
 //! You should see: a calm press at low force gain, a limit cycle above (1−S)·K_f·k = √2·2π·f_c.
 
 use palpate_control::{
-    ActionPlacement, ControlInput, DerivativeRule, ForceController, Gains, LowPass, ParallelConfig, ParallelController,
-    ParallelGains,
+    ActionPlacement, ControlInput, DerivativeRule, ForceController, Gains, LowPass, ParallelConfig,
+    ParallelController, ParallelGains,
 };
 use palpate_spatial::{Twist, Vector6, Wrench};
 
@@ -40,7 +40,8 @@ fn main() -> anyhow::Result<()> {
             wrench.force.z = force;
             let mut pose_error = Vector6::zeros();
             pose_error[2] = BEHIND - z;
-            let input = ControlInput { pose_error, wrench: filter.update(&wrench), action: Twist::zero() };
+            let input =
+                ControlInput { pose_error, wrench: filter.update(&wrench), action: Twist::zero() };
             z += law.update(&input, DT).linear.z * DT;
             if tick > 4000 {
                 late_min = late_min.min(-force);

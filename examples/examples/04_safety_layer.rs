@@ -19,6 +19,7 @@ fn main() -> anyhow::Result<()> {
         speed_reference: SpeedReference::Commanded,
         force_filter_cutoff: 50.0,
         reset: ResetLimits { force_max: 60.0, torque_max: 6.0 },
+        shield: None, // only for mode = shield
     };
     let mut arm = IdealArm::at(home);
     arm.load.force.z = 3.0;
@@ -26,7 +27,8 @@ fn main() -> anyhow::Result<()> {
     robot.begin_episode()?; // tares: the 3 N are gone
     let here = robot.sense()?.base_T_tool;
 
-    let moved = |by: Vector3| Pose::from_parts((here.translation.vector + by).into(), here.rotation);
+    let moved =
+        |by: Vector3| Pose::from_parts((here.translation.vector + by).into(), here.rotation);
     for (what, pose) in [
         ("0.1 mm up", moved(Vector3::new(0.0, 0.0, 1e-4))),
         ("20 mm at once", moved(Vector3::new(0.02, 0.0, 0.0))),

@@ -1,4 +1,5 @@
 //! Cost of one 500 Hz tick of each law, and of the policy step that changes its gains.
+#![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 
 use std::hint::black_box;
 
@@ -36,7 +37,7 @@ fn ticks(c: &mut Criterion) {
         let action = vec![0.3; map.dim()];
         law.set_gains(&map.decode(&action).unwrap().gains).unwrap();
         c.bench_function(&format!("{name}: tick"), |b| {
-            b.iter(|| law.update(black_box(&input), 0.002))
+            b.iter(|| law.update(black_box(&input), 0.002));
         });
         c.bench_function(&format!("{name}: decode, set gains, tick"), |b| {
             b.iter(|| {

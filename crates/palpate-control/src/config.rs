@@ -34,7 +34,7 @@ pub enum ActionPlacement {
 /// ẋ_e is a backward difference. Where the pose follows the command at once, the loop
 /// e⁺ = e − S·(K_p·dt·e + K_d·Δe) diverges unless S·(K_d + K_p·dt/2) < 1
 /// ([`PolicyModel::warnings`](crate::PolicyModel::warnings)): the printed rule at K_p = 5 needs
-/// S < 0.22. It also slows the loop it damps, by 1 + S·K_d. Hence `none` in the default preset.
+/// S < 0.22. (A rotation moves its x_e = sin(θ/2) half as far: twice the limit.) It also slows the loop it damps, by 1 + S·K_d. Hence `none` in the default preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DerivativeRule {

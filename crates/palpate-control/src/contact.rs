@@ -1,8 +1,9 @@
 //! How stiff a contact each law stands, in closed form.
 //!
-//! One axis, a bilateral spring k, an arm that follows its command at once, continuous time. A servo
-//! lag lowers these limits and contact that opens and closes turns divergence into a limit cycle, so
-//! they say where to worry, not where to be sure.
+//! One axis, a bilateral spring k, an arm that follows its command at once, continuous time: what each
+//! parameter does. Sampling and a servo lag lower these limits, by a factor of 2 to 4 at 500 Hz, 50 Hz and
+//! 10 ms: [`ForceLoop`](crate::ForceLoop) has the number for a loop as it runs. Contact that opens and
+//! closes turns divergence into a limit cycle.
 
 use std::f64::consts::{SQRT_2, TAU};
 

@@ -20,6 +20,7 @@ pub struct Controller {
 }
 
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "one per arm, and no heap beneath the control loop")]
 enum Either {
     Parallel(ParallelController),
     Admittance(AdmittanceController),

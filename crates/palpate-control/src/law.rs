@@ -70,7 +70,7 @@ impl ParallelGains {
     pub(crate) fn check(&self) -> Result<(), ControlError> {
         not_negative("kp_x", &self.kp_x)?;
         not_negative("kp_f", &self.kp_f)?;
-        each("selection", &self.selection, "within [0, 1]", |s| s >= 0.0 && s <= 1.0)
+        each("selection", &self.selection, "within [0, 1]", |s| (0.0..=1.0).contains(&s))
     }
 }
 

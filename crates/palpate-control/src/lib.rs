@@ -52,7 +52,7 @@
 //!
 //! The trait and its data, the two laws, either of them as one type ([`Controller`]); [`LowPass`];
 //! [`PolicyModel`] and [`ActionMap`], from a policy's numbers to gains; what a model may do that is
-//! unwise ([`Warning`]).
+//! unwise ([`Warning`]); how stiff a contact the loop stands ([`ForceLoop`]).
 
 mod action;
 mod admittance;
@@ -61,6 +61,7 @@ mod contact;
 mod controller;
 mod error;
 mod filter;
+mod force_loop;
 mod law;
 mod model;
 mod oscillator;
@@ -77,6 +78,7 @@ pub use config::{
 pub use controller::Controller;
 pub use error::ControlError;
 pub use filter::LowPass;
+pub use force_loop::ForceLoop;
 pub use law::{AdmittanceGains, ControlInput, ForceController, Gains, Law, ParallelGains};
 pub use model::{GainSpec, GainTable, MotionBounds, PolicyModel, RangeMap, Tie};
 pub use parallel::ParallelController;

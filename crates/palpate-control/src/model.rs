@@ -176,7 +176,7 @@ impl GainSpec {
         let (base, range) = (self.base[axis], self.range[axis]);
         let is_selection = greatest == 1.0;
         let (base_fits, base_must) = if is_selection {
-            (base >= 0.0 && base <= 1.0, "within [0, 1]")
+            ((0.0..=1.0).contains(&base), "within [0, 1]")
         } else {
             (base > 0.0 && base.is_finite(), "positive and finite")
         };
@@ -198,22 +198,29 @@ impl GainSpec {
         }
         let must = match (map, is_selection) {
             (RangeMap::Additive, true) => {
-                format!("at most {}, so that S stays within [0, 1]", round(base.min(1.0 - base)))
+                format!("at most {}, so that S stays within [0, 1]", advised(base.min(1.0 - base)))
             }
             (RangeMap::Multiplicative, true) => {
-                format!("at most {}, so that S stays within [0, 1]", round(1.0 / base))
+                format!("at most {}, so that S stays within [0, 1]", advised(1.0 / base))
             }
             (RangeMap::Additive, false) => format!(
                 "less than the base of {base}, so that the gain stays positive ({} would do)",
-                round(0.8 * base)
+                advised(0.8 * base)
             ),
-            (RangeMap::Multiplicative, false) => "a factor that leaves the gain finite".into(),
+            (RangeMap::Multiplicative, false) => {
+                "a factor that leaves the gain positive and finite (5 would do)".into()
+            }
         };
         Err(bad(key("range"), range, must))
     }
 }
 
-/// Cuts rounding noise off a number that a person will read.
-fn round(value: f64) -> f64 {
-    (value * 1e9).round() / 1e9
+/// Nine digits of a number that a person will read, and not more than it but for rounding noise: what
+/// is advised must be accepted.
+fn advised(value: f64) -> f64 {
+    let scale = 10f64.powi(8 - value.log10().floor() as i32);
+    let digits = (value * scale).round();
+    let above = digits / scale > value * (1.0 + 1e-13);
+    let rounded = if above { (digits - 1.0) / scale } else { digits / scale };
+    if rounded.is_finite() { rounded } else { value }
 }

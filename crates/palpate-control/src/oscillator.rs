@@ -1,5 +1,7 @@
 //! The sampled mass-spring-damper.
 
+use nalgebra::Complex;
+
 /// Displacement and velocity of the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct State {
@@ -44,6 +46,12 @@ impl Oscillator {
             x: self.xx * x + self.xv * v + self.xf * force,
             v: self.vx * x + self.vv * v + self.vf * force,
         }
+    }
+
+    /// From force to the displacement after its tick, at z: z·[1 0]·(zI − Φ)⁻¹·Γ.
+    pub(crate) fn response(&self, z: Complex<f64>) -> Complex<f64> {
+        let determinant = z * z - z * (self.xx + self.vv) + (self.xx * self.vv - self.xv * self.vx);
+        z * ((z - self.vv) * self.xf + self.xv * self.vf) / determinant
     }
 }
 

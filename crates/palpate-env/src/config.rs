@@ -55,7 +55,12 @@ pub struct ConfigError {
     pub must: &'static str,
 }
 
-pub(crate) fn require(ok: bool, key: &'static str, value: f64, must: &'static str) -> Result<(), ConfigError> {
+pub(crate) fn require(
+    ok: bool,
+    key: &'static str,
+    value: f64,
+    must: &'static str,
+) -> Result<(), ConfigError> {
     if ok { Ok(()) } else { Err(ConfigError { key, value, must }) }
 }
 
@@ -73,8 +78,18 @@ impl EnvConfig {
         let reset = &self.reset;
         let positive = |x: f64| x > 0.0 && x.is_finite();
         require(positive(reset.clearance), "env.reset.clearance", reset.clearance, "positive")?;
-        require(positive(reset.linear_speed), "env.reset.linear_speed", reset.linear_speed, "positive")?;
-        require(positive(reset.joint_speed), "env.reset.joint_speed", reset.joint_speed, "positive")?;
+        require(
+            positive(reset.linear_speed),
+            "env.reset.linear_speed",
+            reset.linear_speed,
+            "positive",
+        )?;
+        require(
+            positive(reset.joint_speed),
+            "env.reset.joint_speed",
+            reset.joint_speed,
+            "positive",
+        )?;
         require(
             reset.settle_time >= 0.0 && reset.settle_time.is_finite(),
             "env.reset.settle_time",

@@ -34,7 +34,12 @@ pub(crate) struct Observer {
 
 impl Observer {
     /// F_ext is divided by `force_max` (N) and `torque_max` (N·m).
-    pub(crate) fn new(config: &ObservationConfig, force_max: f64, torque_max: f64, action_dim: usize) -> Self {
+    pub(crate) fn new(
+        config: &ObservationConfig,
+        force_max: f64,
+        torque_max: f64,
+        action_dim: usize,
+    ) -> Self {
         let (f, t) = (1.0 / force_max, 1.0 / torque_max);
         let mut observer = Self {
             config: config.clone(),
@@ -60,7 +65,8 @@ impl Observer {
     pub(crate) fn look(&mut self, m: &Measurement, base_T_believed: &Pose, action: &[f64]) {
         let c = &self.config;
         let wrench = m.wrench.vector().component_mul(&self.wrench_scale);
-        let mut scaled = pose_error_vector_part(base_T_believed, &m.base_T_tool).as_slice().to_vec();
+        let mut scaled =
+            pose_error_vector_part(base_T_believed, &m.base_T_tool).as_slice().to_vec();
         scaled.extend_from_slice(m.tool_twist.vector().as_slice());
         scaled.extend_from_slice(wrench.as_slice());
         let factors = [c.position, c.rotation, c.linear_velocity, c.angular_velocity, 1.0, 1.0];
@@ -107,7 +113,13 @@ mod tests {
         let wrench = Wrench::new(Vector3::new(0.0, 0.0, force_z), Vector3::new(0.0, 1.0, 0.0));
         let zero = JointVector::zeros();
         Measurement {
-            state: RobotState { time: 0.0, q: zero, dq: zero, q_target: zero, sensor_wrench: wrench },
+            state: RobotState {
+                time: 0.0,
+                q: zero,
+                dq: zero,
+                q_target: zero,
+                sensor_wrench: wrench,
+            },
             base_T_tool: Pose::identity(),
             tool_twist: Twist::new(Vector3::new(0.01, 0.0, 0.0), Vector3::new(0.0, 0.0, 0.2)),
             wrench,

@@ -104,7 +104,9 @@ impl RewardConfig {
     pub(crate) fn action(&self, action: &[f64]) -> f64 {
         let n = action.len() as f64;
         match self.form {
-            RewardForm::Norm => unit(1.0 - action.iter().map(|a| a * a).sum::<f64>().sqrt() / n.sqrt()),
+            RewardForm::Norm => {
+                unit(1.0 - action.iter().map(|a| a * a).sum::<f64>().sqrt() / n.sqrt())
+            }
             RewardForm::Log => falling(action.iter().map(|a| a.abs()).sum(), 0.0, n),
         }
     }
@@ -116,7 +118,8 @@ impl RewardConfig {
         match self.form {
             RewardForm::Norm => unit(1.0 - ratio.norm()),
             RewardForm::Log => {
-                let capped = if ratio.amax() < 1.0 { l12(&ratio, &self.force_axis_weights) } else { 0.0 };
+                let capped =
+                    if ratio.amax() < 1.0 { l12(&ratio, &self.force_axis_weights) } else { 0.0 };
                 falling(capped, -15.0, 0.0)
             }
         }
@@ -181,7 +184,13 @@ mod tests {
     fn config(form: RewardForm) -> RewardConfig {
         RewardConfig {
             form,
-            weights: RewardWeights { distance: 1.0, action: 1.0, force: 1.0, step: 1.0, terminal: 1.0 },
+            weights: RewardWeights {
+                distance: 1.0,
+                action: 1.0,
+                force: 1.0,
+                step: 1.0,
+                terminal: 1.0,
+            },
             step: -1.0,
             success: 200.0,
             violation: -10.0,
@@ -194,9 +203,18 @@ mod tests {
     #[test]
     fn logarithmic_distance_matches_the_authors_script() {
         // (all six ratios, D) recomputed from the published script.
-        let table = [(1.0, 0.0), (0.75, 0.166), (0.5, 0.308), (0.25, 0.448), (0.1, 0.573), (0.01, 0.847), (0.0, 0.991)];
+        let table = [
+            (1.0, 0.0),
+            (0.75, 0.166),
+            (0.5, 0.308),
+            (0.25, 0.448),
+            (0.1, 0.573),
+            (0.01, 0.847),
+            (0.0, 0.991),
+        ];
         for (ratio, expected) in table {
-            let d = config(RewardForm::Log).distance(&Vector6::repeat(ratio), &Vector6::repeat(1.0));
+            let d =
+                config(RewardForm::Log).distance(&Vector6::repeat(ratio), &Vector6::repeat(1.0));
             assert_abs_diff_eq!(d, expected, epsilon = 6e-4);
         }
     }
@@ -204,7 +222,9 @@ mod tests {
     #[test]
     fn logarithmic_force_matches_the_authors_script() {
         let c = config(RewardForm::Log);
-        for (ratio, expected) in [(0.0, 0.959), (0.05, 0.590), (0.1, 0.496), (0.2, 0.393), (0.5, 0.201), (0.8, 0.008)] {
+        for (ratio, expected) in
+            [(0.0, 0.959), (0.05, 0.590), (0.1, 0.496), (0.2, 0.393), (0.5, 0.201), (0.8, 0.008)]
+        {
             let wrench = Wrench::new(Vector3::new(25.0 * ratio, 0.0, 0.0), Vector3::zeros());
             assert_abs_diff_eq!(c.force(&wrench, 25.0, 2.0), expected, epsilon = 6e-4);
         }
@@ -228,7 +248,8 @@ mod tests {
     #[test]
     fn terms_add_up_with_kappa_only_at_the_end() {
         let mut c = config(RewardForm::Norm);
-        c.weights = RewardWeights { distance: 1.0, action: 0.1, force: 0.4, step: 0.5, terminal: 1.0 };
+        c.weights =
+            RewardWeights { distance: 1.0, action: 0.1, force: 0.4, step: 0.5, terminal: 1.0 };
         let mut parts = Parts {
             error: Vector6::zeros(),
             scale: Vector6::repeat(1.0),

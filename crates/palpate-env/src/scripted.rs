@@ -30,7 +30,13 @@ const SPIRAL_STEP: f64 = 0.7;
 impl ScriptedPolicy {
     /// For a hole at `base_T_hole`, a goal `depth` (m) below its mouth and motion bounds of the model
     /// (m/s, rad/s); `action_dim` is the model's.
-    pub fn new(base_T_hole: &Pose, depth: f64, linear_max: f64, angular_max: f64, action_dim: usize) -> Self {
+    pub fn new(
+        base_T_hole: &Pose,
+        depth: f64,
+        linear_max: f64,
+        angular_max: f64,
+        action_dim: usize,
+    ) -> Self {
         Self {
             hole_R_base: base_T_hole.rotation.inverse(),
             depth,
@@ -70,7 +76,8 @@ impl ScriptedPolicy {
         let velocity = self.hole_R_base.inverse() * velocity;
         for axis in 0..3 {
             self.action[axis] = (velocity[axis] / self.linear_max).clamp(-1.0, 1.0);
-            self.action[axis + 3] = (angular_error[axis] * ALIGN_RATE / self.angular_max).clamp(-1.0, 1.0);
+            self.action[axis + 3] =
+                (angular_error[axis] * ALIGN_RATE / self.angular_max).clamp(-1.0, 1.0);
         }
         &self.action
     }

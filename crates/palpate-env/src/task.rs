@@ -78,7 +78,11 @@ impl TaskConfig {
             "positive and less than task.depth, or hovering above the hole would count as inserted",
         )?;
         let lowest = self.start_position[2]
-            - if self.distribution == Distribution::Uncertain { self.start_spread.position[2] } else { 0.0 };
+            - if self.distribution == Distribution::Uncertain {
+                self.start_spread.position[2]
+            } else {
+                0.0
+            };
         require(lowest > 0.0, "task.start_position[2]", lowest, "above the mouth for every draw")?;
         let numbers = self
             .hole_position
@@ -120,7 +124,10 @@ impl TaskConfig {
         let nominal_tilt = Vector3::from(self.start_rotation_deg.map(f64::to_radians));
         EpisodeStart {
             base_T_start: self.base_T_hole()
-                * tool_in_hole(Vector3::from(self.start_position) + start_offset, nominal_tilt + start_tilt),
+                * tool_in_hole(
+                    Vector3::from(self.start_position) + start_offset,
+                    nominal_tilt + start_tilt,
+                ),
             base_T_believed: self.base_T_hole()
                 * tool_in_hole(Vector3::new(0.0, 0.0, -self.depth) + goal_offset, goal_tilt),
         }

@@ -7,6 +7,8 @@
 //! # Ok::<(), contract::Violation>(())
 //! ```
 
+#![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
+
 use palpate_spatial::JointVector;
 
 use crate::{BackendError, FaultKind, JointCommand, RobotBackend, RobotState};

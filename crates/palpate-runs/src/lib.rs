@@ -1,1 +1,38 @@
 //! The run directory: configuration, metrics, checkpoints, plots and provenance.
+//!
+//! ```text
+//! runs/2026-11-22_154500_peg-insertion_P-14_s1/
+//! ├── config.toml        the resolved configuration, every key stated
+//! ├── provenance.json    one entry per start: code, compiler, machine, arguments
+//! ├── metrics.csv        one row per log step; same seed, same bytes
+//! ├── episodes.csv       one row per episode
+//! ├── tb/                the metrics again, as TensorBoard event files
+//! ├── checkpoints/       step_0020000 (the last three), best_0004 (the last two)
+//! ├── plots/             SVG
+//! ├── summary.json       how it ended
+//! └── lock               held by the process that writes
+//! ```
+//!
+//! The crate knows no robot and no learner: callers name the columns and write the checkpoints' files.
+
+mod checkpoint;
+pub mod config;
+mod console;
+mod dir;
+mod durable;
+mod error;
+mod manifest;
+mod metrics;
+pub mod plot;
+mod provenance;
+pub mod stats;
+mod table;
+mod tensorboard;
+mod time;
+
+pub use checkpoint::{BEST, CheckpointStore, Entry, LAST, Slot};
+pub use console::Console;
+pub use dir::{RunDir, list};
+pub use error::{Rejected, RunError};
+pub use metrics::Metrics;
+pub use table::{Csv, Table};

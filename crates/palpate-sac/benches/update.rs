@@ -63,7 +63,9 @@ fn decision(c: &mut Criterion) {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let observation = [0.3; OBSERVATION];
     let mut action = [0.0; ACTION];
-    c.bench_function("policy/mean", |b| b.iter(|| policy.mean(black_box(&observation), &mut action)));
+    c.bench_function("policy/mean", |b| {
+        b.iter(|| policy.mean(black_box(&observation), &mut action))
+    });
     c.bench_function("policy/sample", |b| {
         b.iter(|| policy.sample(black_box(&observation), &mut rng, &mut action));
     });

@@ -37,7 +37,7 @@ fn contact(c: &mut Criterion) {
                     let aside = Vector3::new(amplitude * phase.sin(), 0.0, 0.0);
                     rig.to(centre + aside, rig.tilt);
                 }
-                cpu_time() - start
+                cpu_time().saturating_sub(start)
             });
         });
     };

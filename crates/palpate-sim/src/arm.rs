@@ -38,7 +38,8 @@ pub struct SimArm {
 }
 
 impl SimArm {
-    const PERIOD: Duration = Duration::from_millis(2);
+    /// Time between samples.
+    pub const PERIOD: Duration = Duration::from_millis(2);
 
     /// An arm at rest at `q_start` (rad): `chain` leads from base to tool0, the board's hole is at `base_T_hole`.
     ///
@@ -182,8 +183,7 @@ mod tests {
         let chain = SerialChain::from_urdf_str(urdf, "base_link", "tool0").unwrap();
         let right = std::f64::consts::FRAC_PI_2;
         let q = JointVector::from([0.0, -right, right, -right, -right, 0.0]);
-        let into =
-            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let into = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let tip = chain.forward(&q) * Pose::translation(0.0, 0.0, 0.160);
         let base_T_hole = Pose::from_parts(tip.translation, tip.rotation * into);
         SimArm::new(chain, base_T_hole, &config, q, 1).unwrap()
@@ -192,11 +192,11 @@ mod tests {
     #[test]
     fn a_broken_engine_is_reported_counted_and_rebuilt() {
         let mut arm = arm();
-        let sabotages: [(fn(&mut ContactWorld), EngineFault); 2] = [
-            (ContactWorld::sabotage, EngineFault::Panic),
+        type Sabotage = fn(&mut ContactWorld);
+        for (sabotage, expected) in [
+            (ContactWorld::sabotage as Sabotage, EngineFault::Panic),
             (ContactWorld::poison, EngineFault::NotFinite),
-        ];
-        for (sabotage, expected) in sabotages {
+        ] {
             let before = (arm.read().unwrap(), arm.fault_count());
             sabotage(&mut arm.world);
             for _ in 0..2 {

@@ -1,28 +1,28 @@
-//! The contact world: flange, sensor spring, tool, board.
+//! The contact world: flange, sensor spring, tool, and what the tool meets.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use palpate_spatial::{Pose, Twist, UnitQuaternion, Vector3, Wrench, rotation_error_log};
+use rapier3d_f64::parry::query::{DefaultQueryDispatcher, QueryDispatcher};
 use rapier3d_f64::prelude::{
-    ActiveHooks, CoefficientCombineRule, ColliderBuilder, FrictionModel, GenericJoint,
-    IntegrationParameters, JointAxesMask, JointAxis, MassProperties, MotorModel, PhysicsWorld,
-    RigidBodyBuilder, RigidBodyHandle, SpringCoefficients,
+    FrictionModel, IntegrationParameters, NarrowPhase, PhysicsWorld, SpringCoefficients,
 };
 
-use crate::board::Board;
+use crate::build::{Bodies, insert};
 use crate::config::SimConfig;
-use crate::seam::SeamFilter;
-use crate::{EngineFault, SimError, convert};
+use crate::exact::{Exact, touches};
+use crate::profile::Part;
+use crate::{EngineFault, SimError, build, convert};
 
-/// A tool on a compliant sensor under a position-driven flange, over a board with a hole.
+/// A tool on a compliant sensor under a position-driven flange, over a board with a hole or a bolt.
 ///
-/// Everything is in the hole frame (origin in the middle of the mouth, z out of the board), within a
+/// Everything is in the hole frame (origin in the middle of the mouth or of the bolt's top, z out), within a
 /// fifth of a metre of its origin. Gravity is left out: a tared sensor does not see it.
 pub struct ContactWorld {
     world: PhysicsWorld,
-    filter: SeamFilter,
-    flange: RigidBodyHandle,
-    tool: RigidBodyHandle,
+    bodies: Bodies,
+    peg: Part,
+    hole: Part,
     /// hole_T_flange at the end of the last tick.
     flange_pose: Pose,
     config: SimConfig,
@@ -36,40 +36,44 @@ impl std::fmt::Debug for ContactWorld {
     }
 }
 
+/// A contact as the solver left it, hole frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactPoint {
+    /// m.
+    pub position: Vector3,
+    /// Environment on tool, unit.
+    pub normal: Vector3,
+    /// Normal force in the last world step, N. Substeps make it jump: the wrench is the sensor's.
+    pub force: f64,
+}
+
 impl ContactWorld {
     /// A world with a relaxed sensor and the flange (tool0) at `hole_T_flange`.
     ///
     /// # Errors
-    /// A setting that makes no sense, or a peg that starts inside the board.
+    /// A setting that makes no sense, or a tool that starts inside something.
     pub fn new(config: &SimConfig, hole_T_flange: &Pose) -> Result<Self, SimError> {
         config.validate()?;
-        let hole_T_tip = hole_T_flange * flange_T_tip(config);
-        let depth = Board::new(config).penetration(&hole_T_tip, &config.peg);
+        build::check_start(config, hole_T_flange)?;
+        let world = Self::build(config, hole_T_flange);
+        let depth = world.penetration();
         if depth > 0.0 {
             return Err(SimError::Overlap { depth });
         }
-        Ok(Self::build(config, hole_T_flange))
+        Ok(world)
     }
 
     /// The same for settings that were checked, wherever the flange is.
     pub(crate) fn build(config: &SimConfig, hole_T_flange: &Pose) -> Self {
-        let mut world = PhysicsWorld::default();
-        world.gravity = rapier3d_f64::math::Vector::ZERO;
-        world.integration_parameters = parameters(config);
-        let board = Board::new(config);
-        let fixed = world.insert_body(RigidBodyBuilder::fixed());
-        for (half, pose) in board.boxes() {
-            let collider =
-                ColliderBuilder::cuboid(half.x, half.y, half.z).position(convert::pose(&pose));
-            world.insert_collider(surface(collider, config), Some(fixed));
-        }
-        let start = convert::pose(hole_T_flange);
-        let flange = world.insert_body(RigidBodyBuilder::kinematic_position_based().pose(start));
-        let tool = world.insert_body(tool_body(config).pose(start));
-        let peg = world.insert_collider(surface(peg(config), config), Some(tool));
-        world.insert_impulse_joint(flange, tool, sensor_spring(config));
-        let filter = SeamFilter { peg, half_mouth: board.half_mouth() };
-        Self { world, filter, flange, tool, flange_pose: *hole_T_flange, config: config.clone() }
+        let mut world = PhysicsWorld {
+            narrow_phase: NarrowPhase::with_query_dispatcher(Exact.chain(DefaultQueryDispatcher)),
+            gravity: rapier3d_f64::math::Vector::ZERO,
+            integration_parameters: parameters(config),
+            ..PhysicsWorld::default()
+        };
+        let (peg, hole) = (Part::peg(config), Part::hole(config));
+        let bodies = insert(&mut world, config, (&peg, &hole), hole_T_flange);
+        Self { world, bodies, peg, hole, flange_pose: *hole_T_flange, config: config.clone() }
     }
 
     /// Moves the flange to `hole_T_flange` in `dt` seconds and returns what the sensor feels on the way:
@@ -92,6 +96,7 @@ impl ContactWorld {
     fn steps(&mut self, hole_T_flange: &Pose, dt: f64) -> Wrench {
         let steps = self.config.solver.steps_per_tick;
         let from = self.flange_pose;
+        let hole_T_flange = &continued(hole_T_flange, &from);
         let velocity = Twist::new(
             (hole_T_flange.translation.vector - from.translation.vector) / dt,
             rotation_error_log(&hole_T_flange.rotation, &from.rotation) / dt,
@@ -102,8 +107,8 @@ impl ContactWorld {
             let part = f64::from(step) / f64::from(steps);
             let pose =
                 if step == steps { *hole_T_flange } else { from.lerp_slerp(hole_T_flange, part) };
-            self.world.bodies[self.flange].set_next_kinematic_position(convert::pose(&pose));
-            self.world.step_with_events(&self.filter, &());
+            self.world.bodies[self.bodies.flange].set_next_kinematic_position(convert::pose(&pose));
+            self.world.step();
             sum = sum + self.spring(&pose, &velocity);
         }
         self.flange_pose = *hole_T_flange;
@@ -112,22 +117,49 @@ impl ContactWorld {
 
     /// hole_T_tool0 of the tool itself, which the spring holds near the flange.
     pub fn tool_pose(&self) -> Pose {
-        convert::pose_from(self.world.bodies[self.tool].position())
+        convert::pose_from(self.world.bodies[self.bodies.tool].position())
     }
 
     /// The tip's pose in the hole frame.
     pub fn tip_pose(&self) -> Pose {
-        self.tool_pose() * flange_T_tip(&self.config)
+        self.tool_pose() * build::flange_T_tip(&self.config)
     }
 
-    /// How deep the peg is in the board, m: the contacts' own give, in closed form.
+    /// Where the compliant receptacle has been pushed to; the identity for a rigid one.
+    pub fn receptacle_pose(&self) -> Pose {
+        convert::pose_from(self.world.bodies[self.bodies.fixture].position())
+    }
+
+    /// How deep peg and hole overlap, m: the contacts' own give, in closed form.
     pub fn penetration(&self) -> f64 {
-        Board::new(&self.config).penetration(&self.tip_pose(), &self.config.peg)
+        overlap(&self.config, (&self.peg, &self.hole), &self.receptacle_pose(), &self.tip_pose())
+    }
+
+    /// The contacts between peg and hole in which the solver found a force, for diagnostics.
+    pub fn contacts(&self) -> Vec<ContactPoint> {
+        let dt = self.world.integration_parameters.dt;
+        let (tool, fixture) = (self.bodies.held, self.bodies.fixed);
+        let mut points = Vec::new();
+        let pairs = self.world.narrow_phase.contact_pair(tool, fixture);
+        for manifold in pairs.iter().filter_map(|p| p.rigid()).flat_map(|p| &p.manifolds) {
+            let first = self.world.narrow_phase.contact_pair(tool, fixture).map(|p| p.collider1);
+            // The normal leaves the first collider.
+            let towards_tool = if first == Some(tool) { -1.0 } else { 1.0 };
+            let Some(place) = first.map(|c| *self.world.colliders[c].position()) else { continue };
+            for point in manifold.points.iter().filter(|p| p.data.impulse > 0.0) {
+                points.push(ContactPoint {
+                    position: convert::vector_from(place * point.local_p1),
+                    normal: convert::vector_from(manifold.data.normal) * towards_tool,
+                    force: point.data.impulse / dt,
+                });
+            }
+        }
+        points
     }
 
     /// Load on the spring between flange and tool, hole axes.
     fn spring(&self, flange: &Pose, flange_velocity: &Twist) -> Wrench {
-        let body = &self.world.bodies[self.tool];
+        let body = &self.world.bodies[self.bodies.tool];
         let tool = convert::pose_from(body.position());
         let velocity = convert::vector_from(body.velocity_at_point(body.position().translation));
         let spin = convert::vector_from(body.angvel());
@@ -142,8 +174,21 @@ impl ContactWorld {
     }
 }
 
-fn flange_T_tip(config: &SimConfig) -> Pose {
-    Pose::translation(0.0, 0.0, config.tool.length)
+/// How deep the part at the tip overlaps the fixture's, m; 0 where it does not. All poses in one frame.
+fn overlap(config: &SimConfig, parts: (&Part, &Part), fixture: &Pose, tip: &Pose) -> f64 {
+    let (peg, hole) = parts;
+    let hole_T_peg =
+        if config.ring_on_tool() { tip.inverse() * fixture } else { fixture.inverse() * tip };
+    let mut deepest: f64 = 0.0;
+    touches(peg, hole, &convert::pose(&hole_T_peg), 0.0, |t| deepest = deepest.max(t.inside));
+    deepest
+}
+
+impl SimConfig {
+    /// How deep the part at the tool's tip overlaps the one in the fixture, m; 0 where it does not.
+    pub fn overlap(&self, hole_T_tip: &Pose) -> f64 {
+        overlap(self, (&Part::peg(self), &Part::hole(self)), &Pose::identity(), hole_T_tip)
+    }
 }
 
 /// The settings that carry a peg into a hole with micrometres to spare; see the crate's documentation.
@@ -165,73 +210,30 @@ fn parameters(config: &SimConfig) -> IntegrationParameters {
         contact_clustering: false,
         max_ccd_substeps: 0,
         friction_model: FrictionModel::Coulomb,
-        friction_in_bias_pass: false,
+        friction_in_bias_pass: true,
         warmstart_joints: true,
         ..IntegrationParameters::default()
     }
 }
 
-/// Gripper and peg as one body with the mass that the configuration states.
-fn tool_body(config: &SimConfig) -> RigidBodyBuilder {
-    let tool = &config.tool;
-    let mass = MassProperties::new(
-        convert::vector(&Vector3::new(0.0, 0.0, tool.centre_of_mass)),
-        tool.mass,
-        convert::vector(&Vector3::from(tool.inertia)),
-    );
-    RigidBodyBuilder::dynamic()
-        .additional_mass_properties(mass)
-        .can_sleep(false)
-        .ccd_enabled(false)
-}
-
-/// The only part of the tool that collides.
-fn peg(config: &SimConfig) -> ColliderBuilder {
-    let (half, length) = (config.peg.width / 2.0, config.peg.length);
-    let middle = Vector3::new(0.0, 0.0, config.tool.length - length / 2.0);
-    let pose = Pose::from_parts(middle.into(), UnitQuaternion::identity());
-    ColliderBuilder::cuboid(half, half, length / 2.0)
-        .position(convert::pose(&pose))
-        .density(0.0)
-        .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
-}
-
-fn surface(collider: ColliderBuilder, config: &SimConfig) -> ColliderBuilder {
-    collider
-        .friction(config.friction)
-        .friction_combine_rule(CoefficientCombineRule::Average)
-        .restitution(0.0)
-}
-
-/// No locked axis, six implicit springs.
-fn sensor_spring(config: &SimConfig) -> GenericJoint {
-    let c = &config.compliance;
-    let linear = (c.linear_stiffness, c.linear_damping);
-    let angular = (c.angular_stiffness, c.angular_damping);
-    let mut joint = GenericJoint::new(JointAxesMask::empty());
-    for (axis, (stiffness, damping)) in [
-        (JointAxis::LinX, linear),
-        (JointAxis::LinY, linear),
-        (JointAxis::LinZ, linear),
-        (JointAxis::AngX, angular),
-        (JointAxis::AngY, angular),
-        (JointAxis::AngZ, angular),
-    ] {
-        joint.set_motor_model(axis, MotorModel::ForceBased);
-        joint.set_motor_position(axis, 0.0, stiffness, damping);
-    }
-    joint
+/// The same pose with the quaternion of the pair (q, −q) that is nearer to the last one: rapier would take
+/// the other for a full turn within a step.
+fn continued(pose: &Pose, last: &Pose) -> Pose {
+    let (q, before) = (pose.rotation.quaternion(), last.rotation.quaternion());
+    let nearer = if q.dot(before) < 0.0 { -q } else { *q };
+    Pose::from_parts(pose.translation, UnitQuaternion::new_unchecked(nearer))
 }
 
 #[cfg(test)]
 impl ContactWorld {
     /// Makes the next tick panic inside.
     pub(crate) fn sabotage(&mut self) {
-        self.world.remove_body(self.flange);
+        self.world.remove_body(self.bodies.flange);
     }
 
     /// Makes the next tick's result infinite.
     pub(crate) fn poison(&mut self) {
-        self.world.bodies[self.tool].set_linvel(rapier3d_f64::math::Vector::splat(f64::NAN), true);
+        self.world.bodies[self.bodies.tool]
+            .set_linvel(rapier3d_f64::math::Vector::splat(f64::NAN), true);
     }
 }

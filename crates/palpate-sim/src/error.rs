@@ -17,9 +17,17 @@ pub enum SimError {
         /// What would work.
         must: String,
     },
-    /// The peg starts inside the board.
-    #[error("the peg starts {:.3} mm inside the board: raise its start by at least that", depth * 1e3)]
+    /// The held part starts inside the other one.
+    #[error("the tool starts {:.3} mm inside the board or bolt: raise its start by at least that", depth * 1e3)]
     Overlap {
+        /// The way out, m.
+        depth: f64,
+    },
+    /// The tool starts inside an obstacle.
+    #[error("the tool starts {:.3} mm inside obstacle {index}: move one of them by at least that", depth * 1e3)]
+    Obstructed {
+        /// Which of `sim.obstacles`, from 0.
+        index: usize,
         /// The way out, m.
         depth: f64,
     },
@@ -59,7 +67,9 @@ impl std::fmt::Display for EngineFault {
 impl BackendError for SimError {
     fn kind(&self) -> FaultKind {
         match self {
-            Self::Setting { .. } | Self::Overlap { .. } => FaultKind::Internal,
+            Self::Setting { .. } | Self::Overlap { .. } | Self::Obstructed { .. } => {
+                FaultKind::Internal
+            }
             Self::NotFinite(_) => FaultKind::InvalidCommand,
             Self::Stopped => FaultKind::Stopped,
             Self::Engine { .. } => FaultKind::Simulation,

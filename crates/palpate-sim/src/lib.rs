@@ -26,40 +26,51 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # Parts
+//!
+//! A peg (round, square or hexagonal) in a hole of the same outline with any clearance from 2 mm down to
+//! 0.01 mm; a ring in the tool over a bolt; either with a rigid or a sprung receptacle. Contact between the two
+//! comes from closed forms that rapier's solver is given as shapes of its own: no facets, no seams.
+//!
 //! # Frames
 //!
-//! The sensor frame is tool0. The peg lies along tool0 +z, its tip at `tool.length`, its faces across
-//! tool0 x and y. The hole frame has its origin in the middle of the mouth and z out of the board, so a tool
-//! about to enter has its z axis along hole −z.
+//! The sensor frame is tool0. The held part lies along tool0 +z and ends at `tool.length`; a prism's sides
+//! lie across tool0 x and y. The hole frame has its origin in the middle of the mouth, or of the bolt's top, and
+//! z out of it, so a tool about to enter has its z axis along hole −z.
 //!
 //! # Why the parameters are what they are
 //!
 //! rapier's defaults stop a perfectly aligned peg at the mouth with 20 N, because contacts are predicted
 //! 20 mm ahead. What works at clearances of 0.05–1 mm: a prediction distance far below the clearance,
-//! contacts as stiff as 1000 Hz, several Gauss-Seidel passes per substep, Coulomb friction, no contact
-//! recycling or clustering. `docs/results/contact.md` holds the measurements.
+//! contacts as stiff as 1000 Hz, several Gauss-Seidel passes per substep, Coulomb friction that also acts while
+//! overlaps are corrected (without it a wedged round peg walks out of its wedge), no contact recycling or
+//! clustering. `docs/results/contact.md` holds the measurements.
 //!
 //! # Map
 //!
-//! `config` and `check` (what it takes and what it refuses), `board` (geometry), `seam` (hidden faces),
-//! `contact` (the world), `servo`, `sensor`, `arm` (the backend), `convert` (nalgebra ↔ glam), `error`.
+//! `config` and `check` (what it takes and what it refuses), `profile` (faces of the parts), `round` and `prism`
+//! (contacts in closed form), `touch` and `exact` (how rapier gets them), `build` (bodies), `contact` (the
+//! world), `servo`, `sensor`, `arm` (the backend), `convert` (nalgebra ↔ glam), `error`.
 
 mod arm;
-mod board;
+mod build;
 mod check;
 mod config;
 mod contact;
 mod convert;
 mod error;
-mod seam;
+mod exact;
+mod prism;
+mod profile;
+mod round;
 mod sensor;
 mod servo;
+mod touch;
 
 pub use arm::SimArm;
-pub use board::Board;
 pub use config::{
-    ComplianceConfig, HoleConfig, PegConfig, SensorConfig, ServoConfig, SimConfig, SolverConfig,
-    ToolConfig,
+    ComplianceConfig, Holder, HoleConfig, ObstacleConfig, PegConfig, PegShape, ReceptacleConfig,
+    SensorConfig, ServoConfig, SimConfig, SolverConfig, ToolConfig,
 };
-pub use contact::ContactWorld;
+pub use contact::{ContactPoint, ContactWorld};
 pub use error::{EngineFault, SimError};

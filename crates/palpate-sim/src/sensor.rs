@@ -133,7 +133,8 @@ mod tests {
     #[test]
     fn bias_and_drift_have_the_configured_spread_over_seeds() {
         let config = SensorConfig { force_bias: 4.0, torque_drift: 0.1, ..perfect() };
-        let after = |seed, seconds: f64| Sensor::new(&config, seed).measure(&Wrench::zero(), seconds);
+        let after =
+            |seed, seconds: f64| Sensor::new(&config, seed).measure(&Wrench::zero(), seconds);
         let (mean, bias) = spread((0..4000).map(|seed| after(seed, 0.0).force.y));
         assert!((bias / 4.0 - 1.0).abs() < 0.05 && mean.abs() < 0.3, "{mean} ± {bias}");
         let (_, drift) = spread((0..4000).map(|seed| after(seed, 5.0).torque.z));

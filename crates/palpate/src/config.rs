@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
-use palpate_control::{ControlConfig, PolicyModel};
-use palpate_env::{EnvConfig, RewardConfig, TaskConfig};
+use palpate_control::{ControlConfig, ForceLoop, PolicyModel};
+use palpate_env::{EnvConfig, Reference, RewardConfig, TaskConfig};
 use palpate_runs::config::{Layer, nearest, parse, resolve};
 use palpate_sac::SacConfig;
 use palpate_safety::SafetyConfig;
-use palpate_sim::SimConfig;
+use palpate_sim::{SimArm, SimConfig};
 
 macro_rules! assets {
     ($folder:literal, $extension:literal: $($name:literal),+ $(,)?) => {
@@ -22,7 +22,9 @@ pub type Assets = &'static [(&'static str, &'static str)];
 /// Presets, by name.
 pub const PRESETS: Assets = assets!("presets", "toml": "palpate", "paper");
 /// Tasks, by name.
-pub const TASKS: Assets = assets!("tasks", "toml": "peg-insertion");
+pub const TASKS: Assets = assets!(
+    "tasks", "toml": "peg-insertion", "peg-insertion-sharp", "ring-insertion", "pulley-insertion"
+);
 /// Policy models, by name.
 pub const MODELS: Assets =
     assets!("policies", "toml": "p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18");
@@ -105,9 +107,13 @@ pub struct Choice {
 impl Config {
     /// Resolves a choice.
     pub fn load(choice: &Choice) -> anyhow::Result<Self> {
-        let policy = format!("[policy]\n{}", nest(asset("policy model", MODELS, &choice.model)?, "policy"));
+        let policy =
+            format!("[policy]\n{}", nest(asset("policy model", MODELS, &choice.model)?, "policy"));
         let base = Layer {
-            name: format!("preset {} + task {} + model {}", choice.preset, choice.task, choice.model),
+            name: format!(
+                "preset {} + task {} + model {}",
+                choice.preset, choice.task, choice.model
+            ),
             text: format!(
                 "{}\n{}\n{policy}",
                 asset("preset", PRESETS, &choice.preset)?,
@@ -116,8 +122,8 @@ impl Config {
         };
         let mut layers = Vec::new();
         if let Some(path) = &choice.file {
-            let text =
-                std::fs::read_to_string(path).with_context(|| format!("cannot read the config file {}", path.display()))?;
+            let text = std::fs::read_to_string(path)
+                .with_context(|| format!("cannot read the config file {}", path.display()))?;
             layers.push(Layer { name: path.display().to_string(), text });
         }
         let table = resolve(&base, &layers, &choice.set, &["policy"])?;
@@ -129,9 +135,10 @@ impl Config {
     /// Reads the resolved configuration of a run, changed by `set`.
     pub fn of_run(dir: &Path, set: &[String]) -> anyhow::Result<Self> {
         let path = dir.join("config.toml");
-        let text =
-            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}: is this a run?", path.display()))?;
-        let table = resolve(&Layer { name: path.display().to_string(), text }, &[], set, &["policy"])?;
+        let text = std::fs::read_to_string(&path)
+            .with_context(|| format!("cannot read {}: is this a run?", path.display()))?;
+        let table =
+            resolve(&Layer { name: path.display().to_string(), text }, &[], set, &["policy"])?;
         let config: Self = parse(table)?;
         config.validate()?;
         Ok(config)
@@ -140,6 +147,22 @@ impl Config {
     /// The configuration as TOML, every key stated.
     pub fn to_toml(&self) -> anyhow::Result<String> {
         toml::to_string(self).context("cannot write the configuration as TOML")
+    }
+
+    /// What is allowed and unwise: corners of the gain ranges where a loop does not settle, in the simulated
+    /// arm's servo, sensor and control period.
+    pub fn warnings(&self) -> Vec<String> {
+        let period = SimArm::PERIOD.as_secs_f64();
+        let mut warnings = self.policy.warnings(&self.control, period);
+        let force_loop = ForceLoop {
+            cutoff: self.safety.force_filter_cutoff,
+            servo_lag: self.sim.servo.lag,
+            rebased: self.env.reference == Reference::Measured,
+            period,
+        };
+        let contact = self.sim.compliance.linear_stiffness;
+        warnings.extend(self.policy.contact_warnings(&self.control, contact, &force_loop));
+        by_axes(warnings.iter().map(ToString::to_string))
     }
 
     fn validate(&self) -> anyhow::Result<()> {
@@ -168,6 +191,27 @@ impl Config {
     }
 }
 
+/// Says once what differs in its axis alone: "axis x: …" and "axis y: …" become "axes x, y: …".
+fn by_axes(warnings: impl Iterator<Item = String>) -> Vec<String> {
+    let mut groups: Vec<(Vec<String>, String)> = Vec::new();
+    for warning in warnings {
+        let (axis, what) = match warning.strip_prefix("axis ").and_then(|w| w.split_once(": ")) {
+            Some((axis, what)) => (axis.to_owned(), what.to_owned()),
+            None => (String::new(), warning),
+        };
+        match groups.iter_mut().find(|(_, known)| *known == what) {
+            Some((axes, _)) => axes.push(axis),
+            None => groups.push((vec![axis], what)),
+        }
+    }
+    let sentence = |(axes, what): (Vec<String>, String)| match axes.as_slice() {
+        [axis] if axis.is_empty() => what,
+        [axis] => format!("axis {axis}: {what}"),
+        axes => format!("axes {}: {what}", axes.join(", ")),
+    };
+    groups.into_iter().map(sentence).collect()
+}
+
 /// Finds a named text, or says which exist.
 pub fn asset(kind: &str, assets: Assets, name: &str) -> anyhow::Result<&'static str> {
     let wanted = name.to_lowercase();
@@ -176,7 +220,10 @@ pub fn asset(kind: &str, assets: Assets, name: &str) -> anyhow::Result<&'static 
     }
     let names: Vec<&str> = assets.iter().map(|(n, _)| *n).collect();
     match nearest(&wanted, names.iter().copied()) {
-        Some(near) => bail!("there is no {kind} `{name}`; did you mean `{near}`? There are: {}", names.join(", ")),
+        Some(near) => bail!(
+            "there is no {kind} `{name}`; did you mean `{near}`? There are: {}",
+            names.join(", ")
+        ),
         None => bail!("there is no {kind} `{name}`. There are: {}", names.join(", ")),
     }
 }
@@ -189,4 +236,72 @@ fn nest(text: &str, parent: &str) -> String {
             _ => format!("{line}\n"),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn choice(preset: &str, task: &str, model: &str, set: &[&str]) -> Choice {
+        Choice {
+            preset: preset.into(),
+            task: task.into(),
+            model: model.into(),
+            file: None,
+            set: set.iter().map(ToString::to_string).collect(),
+        }
+    }
+
+    #[test]
+    fn every_preset_task_and_model_makes_a_configuration() {
+        for (preset, _) in PRESETS {
+            for (task, _) in TASKS {
+                for (model, _) in MODELS {
+                    Config::load(&choice(preset, task, model, &[])).unwrap();
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_resolved_configuration_reads_back_as_itself() {
+        let config =
+            Config::load(&choice("palpate", "peg-insertion", "A-18", &["run.seed=7"])).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("config.toml"), config.to_toml().unwrap()).unwrap();
+        assert_eq!(Config::of_run(dir.path(), &[]).unwrap(), config);
+    }
+
+    #[test]
+    fn errors_name_the_key_and_what_would_do() {
+        let error = |task, model, set: &[&str]| {
+            format!("{:#}", Config::load(&choice("palpate", task, model, set)).unwrap_err())
+        };
+        let e = error("peg-insertion", "P-14", &["sac.gama=0.9"]);
+        assert!(e.contains("sac.gama") && e.contains("sac.gamma"), "{e}");
+        let e = error("peg-insertion", "P-15", &[]);
+        assert!(e.contains("P-15") && e.contains("p-14") && e.contains("a-13pd"), "{e}");
+        let e = error("peg-insertion", "P-14", &["policy.gains.position.range=[2, 2, 2, 2, 2, 2]"]);
+        assert!(
+            e.contains("policy.gains.position") && e.contains("less than the base of 1"),
+            "{e}"
+        );
+        let e = error("peg-insertion", "P-14", &["run.steps=0"]);
+        assert!(e.contains("run.steps"), "{e}");
+        let e = error("peg-insertion", "P-14", &["robot.tcp=[0.0, 0.0, 0.2]"]);
+        assert!(e.contains("robot.tcp") && e.contains("sim.tool.length"), "{e}");
+    }
+
+    #[test]
+    fn the_default_parallel_models_stand_the_simulated_contact_and_a_stiff_one_is_warned_of() {
+        let quiet = Config::load(&choice("palpate", "peg-insertion", "P-14", &[])).unwrap();
+        assert_eq!(quiet.warnings(), [""; 0]);
+        let stiff =
+            choice("palpate", "peg-insertion", "P-14", &["sim.compliance.linear_stiffness=4e4"]);
+        let warnings = Config::load(&stiff).unwrap().warnings();
+        assert!(
+            warnings.len() == 1 && warnings[0].starts_with("axes x, y, z: a contact"),
+            "{warnings:?}"
+        );
+    }
 }

@@ -1,11 +1,13 @@
 //! `evaluate`: what the policy does on fresh episodes, beside three baselines on the same ones.
 
 use std::fmt::Write as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
 
 use anyhow::Context as _;
 use palpate_env::{Outcome, Summary};
 use palpate_runs::stats::clopper_pearson;
+use palpate_runs::{CheckpointStore, RunDir};
 use palpate_sac::Policy;
 use palpate_safety::Tally;
 
@@ -63,14 +65,22 @@ pub struct Row {
 }
 
 /// Evaluates the last and the kept policy of a run and the baselines.
-pub fn run(dir: &Path, options: &Options, mut progress: impl FnMut(&str, u64)) -> anyhow::Result<Vec<Row>> {
+pub fn run(
+    dir: &Path,
+    options: &Options,
+    mut progress: impl FnMut(&str, u64),
+) -> anyhow::Result<Vec<Row>> {
+    RunDir::view(dir)?;
     let config = Config::of_run(dir, &options.set)?;
     let mut env = sim_env(&config, options.seed, Purpose::Evaluate)?;
     let dim = env.action_dim();
     let mut actors = Vec::new();
-    for (name, folder) in [("learned (last)", palpate_runs::LAST), ("learned (kept)", palpate_runs::BEST)] {
-        if let Some(path) = palpate_runs::CheckpointStore::open(dir)?.find(folder)? {
-            let policy = Policy::load(&path).with_context(|| format!("cannot load the policy in {}", path.display()))?;
+    for (name, folder) in
+        [("learned (last)", palpate_runs::LAST), ("learned (kept)", palpate_runs::BEST)]
+    {
+        if let Some(path) = CheckpointStore::open(dir)?.find(folder)? {
+            let policy = Policy::load(&path)
+                .with_context(|| format!("cannot load the policy in {}", path.display()))?;
             check_shape(&policy, &env)?;
             actors.push((name, Actor::learned(policy, options.stochastic.then_some(options.seed))));
         }
@@ -117,27 +127,36 @@ pub fn rollouts(
 }
 
 fn check_shape(policy: &Policy, env: &SimEnv) -> anyhow::Result<()> {
-    let (have, want) =
-        ((policy.observation_dim(), policy.action_dim()), (env.observation_dim(), env.action_dim()));
+    let (have, want) = (
+        (policy.observation_dim(), policy.action_dim()),
+        (env.observation_dim(), env.action_dim()),
+    );
     if have != want {
         anyhow::bail!(
             "the policy maps {} observations to {} actions, but this configuration has {} and {}: do not change env.observation or policy with --set",
-            have.0, have.1, want.0, want.1
+            have.0,
+            have.1,
+            want.0,
+            want.1
         );
     }
     Ok(())
 }
 
 impl Row {
-    fn new(policy: &str, summaries: &[Summary]) -> Self {
+    /// Summarises episodes.
+    pub(crate) fn new(policy: &str, summaries: &[Summary]) -> Self {
         let count = |o: Outcome| summaries.iter().filter(|s| s.outcome == o).count();
-        let mean = |f: fn(&Summary) -> f64| summaries.iter().map(f).sum::<f64>() / summaries.len().max(1) as f64;
+        let mean = |f: fn(&Summary) -> f64| {
+            summaries.iter().map(f).sum::<f64>() / summaries.len().max(1) as f64
+        };
         let successes = count(Outcome::Success);
         let mut tally = Tally::default();
         for s in summaries {
             tally += s.tally;
         }
-        let times: Vec<f64> = summaries.iter().filter(|s| s.outcome == Outcome::Success).map(|s| s.seconds).collect();
+        let times: Vec<f64> =
+            summaries.iter().filter(|s| s.outcome == Outcome::Success).map(|s| s.seconds).collect();
         let peaks: Vec<f64> = summaries.iter().map(|s| s.peak_force).collect();
         Self {
             policy: policy.into(),
@@ -182,7 +201,8 @@ pub fn table(rows: &[Row]) -> String {
             100.0 * r.success_interval.0,
             100.0 * r.success_interval.1
         );
-        let force = format!("{:.1} / {:.1} / {:.1}", r.mean_force, r.median_peak_force, r.max_peak_force);
+        let force =
+            format!("{:.1} / {:.1} / {:.1}", r.mean_force, r.median_peak_force, r.max_peak_force);
         let refused = format!("{} / {}", r.tally.no_ik, r.tally.joint_speed);
         let _ = writeln!(
             out,
@@ -191,4 +211,45 @@ pub fn table(rows: &[Row]) -> String {
         );
     }
     out
+}
+
+/// The `evaluate` command.
+pub fn command(dir: &Path, options: &Options, json: bool) -> anyhow::Result<()> {
+    let mut console = Counter::new(options.episodes);
+    let rows = run(dir, options, |policy, done| console.show(policy, done))?;
+    console.clear();
+    let mut out = std::io::stdout().lock();
+    if json {
+        writeln!(out, "{}", serde_json::to_string_pretty(&rows)?)?;
+    } else {
+        writeln!(out, "{}", table(&rows).trim_end())?;
+        if options.stochastic {
+            writeln!(out, "learned policies were sampled, not their mean")?;
+        }
+    }
+    Ok(())
+}
+
+/// "policy: 12/100" on a terminal's standard error; silent elsewhere.
+struct Counter {
+    total: u64,
+    live: bool,
+}
+
+impl Counter {
+    fn new(total: u64) -> Self {
+        Self { total, live: std::io::stderr().is_terminal() }
+    }
+
+    fn show(&mut self, policy: &str, done: u64) {
+        if self.live {
+            let _ = write!(std::io::stderr(), "\r\x1b[K{policy}: {done}/{} episodes", self.total);
+        }
+    }
+
+    fn clear(&mut self) {
+        if self.live {
+            let _ = write!(std::io::stderr(), "\r\x1b[K");
+        }
+    }
 }

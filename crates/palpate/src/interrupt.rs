@@ -13,7 +13,10 @@ const INTERRUPTED: i32 = 130;
 pub fn install() -> anyhow::Result<()> {
     ctrlc::set_handler(|| {
         if REQUESTED.swap(true, Ordering::SeqCst) {
-            #[expect(clippy::exit, reason = "the second Ctrl-C means now; the last checkpoint on disk is whole")]
+            #[expect(
+                clippy::exit,
+                reason = "the second Ctrl-C means now; the last checkpoint on disk is whole"
+            )]
             std::process::exit(INTERRUPTED);
         }
     })

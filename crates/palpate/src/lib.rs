@@ -9,8 +9,8 @@ pub mod config;
 pub mod evaluate;
 pub mod interrupt;
 pub mod plot;
+mod progress;
 pub mod stack;
 pub mod train;
-mod progress;
 
 pub use config::Config;

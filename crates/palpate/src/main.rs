@@ -1,5 +1,6 @@
 //! The `palpate` command.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -116,7 +117,6 @@ fn main() -> ExitCode {
     match run(cli.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            use std::io::Write as _;
             let _ = writeln!(std::io::stderr(), "error: {e:#}");
             ExitCode::FAILURE
         }
@@ -140,7 +140,12 @@ fn run(command: Command) -> anyhow::Result<()> {
             },
             args.json,
         ),
-        Command::Plot(args) => plot::run(&args.runs, args.out.as_deref(), args.ema),
+        Command::Plot(args) => {
+            for path in plot::run(&args.runs, args.out.as_deref(), args.ema)? {
+                writeln!(std::io::stdout(), "{}", path.display())?;
+            }
+            Ok(())
+        }
     }
 }
 

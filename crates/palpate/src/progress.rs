@@ -6,12 +6,12 @@ use palpate_env::{Outcome, Summary};
 use palpate_safety::Tally;
 
 /// Episodes behind the rolling figures.
-pub const WINDOW: usize = 20;
+const WINDOW: usize = 20;
 
 /// Counters of a run; part of every checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Progress {
+pub(crate) struct Progress {
     /// Environment steps taken.
     pub step: u64,
     /// Episodes finished.
@@ -39,7 +39,7 @@ pub struct Progress {
 /// An evaluation during training, on frozen starts.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Evaluation {
+pub(crate) struct Evaluation {
     /// Environment step.
     pub step: u64,
     /// Share of episodes that reached the goal.
@@ -57,7 +57,7 @@ pub struct Evaluation {
 
 impl Evaluation {
     /// Better than `other`: more successes, then more return.
-    pub fn beats(&self, other: &Self) -> bool {
+    pub(crate) fn beats(&self, other: &Self) -> bool {
         (self.success_rate, self.mean_return) > (other.success_rate, other.mean_return)
     }
 }
@@ -65,7 +65,7 @@ impl Evaluation {
 /// What the rolling figures need of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Recent {
+pub(crate) struct Recent {
     total_reward: f64,
     steps: u32,
     success: bool,
@@ -74,7 +74,7 @@ pub struct Recent {
 
 impl Progress {
     /// Takes in a finished episode.
-    pub fn record(&mut self, summary: &Summary) {
+    pub(crate) fn record(&mut self, summary: &Summary) {
         self.episodes += 1;
         self.tally += summary.tally;
         match summary.outcome {
@@ -98,22 +98,22 @@ impl Progress {
     }
 
     /// Mean sum of rewards of the recent episodes.
-    pub fn mean_return(&self) -> Option<f64> {
+    pub(crate) fn mean_return(&self) -> Option<f64> {
         self.mean(|r| r.total_reward)
     }
 
     /// Mean length of the recent episodes.
-    pub fn mean_steps(&self) -> Option<f64> {
+    pub(crate) fn mean_steps(&self) -> Option<f64> {
         self.mean(|r| f64::from(r.steps))
     }
 
     /// Share of the recent episodes that reached the goal.
-    pub fn success_rate(&self) -> Option<f64> {
+    pub(crate) fn success_rate(&self) -> Option<f64> {
         self.mean(|r| if r.success { 1.0 } else { 0.0 })
     }
 
     /// Mean peak contact force of the recent episodes, N.
-    pub fn mean_peak_force(&self) -> Option<f64> {
+    pub(crate) fn mean_peak_force(&self) -> Option<f64> {
         self.mean(|r| r.peak_force)
     }
 

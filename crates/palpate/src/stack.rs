@@ -28,8 +28,17 @@ pub enum Purpose {
 pub fn sim_env(config: &Config, seed: u64, purpose: Purpose) -> anyhow::Result<SimEnv> {
     let seed = stream(seed, purpose);
     let chain = chain(&config.robot)?;
-    let arm = SimArm::new(chain.clone(), config.task.base_T_hole(), &config.sim, config.task.q_home, seed)?;
-    let tool0_T_tool = Pose::from_parts(Vector3::from(config.robot.tcp).into(), nalgebra::UnitQuaternion::identity());
+    let arm = SimArm::new(
+        chain.clone(),
+        config.task.base_T_hole(),
+        &config.sim,
+        config.task.q_home,
+        seed,
+    )?;
+    let tool0_T_tool = Pose::from_parts(
+        Vector3::from(config.robot.tcp).into(),
+        nalgebra::UnitQuaternion::identity(),
+    );
     let robot = Safe::new(arm, chain, tool0_T_tool, config.safety.clone())?;
     Ok(Env::new(
         robot,

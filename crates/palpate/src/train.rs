@@ -76,14 +76,20 @@ pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<()> {
     let set: Vec<String> = steps.map(|s| format!("run.steps={s}")).into_iter().collect();
     let config = Config::of_run(path, &set)?;
     let checkpoint = dir.checkpoints()?.latest()?.with_context(|| {
-        format!("{} holds no checkpoint to resume from; start it again with train-sim", path.display())
+        format!(
+            "{} holds no checkpoint to resume from; start it again with train-sim",
+            path.display()
+        )
     })?;
     let text = std::fs::read_to_string(checkpoint.join("progress.json"))?;
-    let progress: Progress = serde_json::from_str(&text).context("progress.json of the checkpoint")?;
+    let progress: Progress =
+        serde_json::from_str(&text).context("progress.json of the checkpoint")?;
     if progress.step >= config.run.steps {
         bail!(
             "the run is complete: {} of {} steps; extend it with --resume {} --steps N",
-            progress.step, config.run.steps, path.display()
+            progress.step,
+            config.run.steps,
+            path.display()
         );
     }
     let mut env = sim_env(&config, config.run.seed, Purpose::Train)?;
@@ -110,7 +116,13 @@ struct Trainer {
 }
 
 impl Trainer {
-    fn new(config: Config, dir: RunDir, env: SimEnv, agent: Sac, progress: Progress) -> anyhow::Result<Self> {
+    fn new(
+        config: Config,
+        dir: RunDir,
+        env: SimEnv,
+        agent: Sac,
+        progress: Progress,
+    ) -> anyhow::Result<Self> {
         let monitor = sim_env(&config, config.run.seed, Purpose::Monitor)?;
         Ok(Self {
             store: dir.checkpoints()?,
@@ -131,6 +143,9 @@ impl Trainer {
     fn run(mut self) -> anyhow::Result<()> {
         let started = Instant::now();
         self.console.note(&format!("run directory: {}", self.dir.path().display()));
+        for warning in self.config.warnings() {
+            self.console.note(&format!("warning: {warning}"));
+        }
         let every = |step: u64, every: u64| step / every;
         while self.progress.step < self.config.run.steps && !interrupt::requested() {
             let before = self.progress.step;
@@ -178,7 +193,7 @@ impl Trainer {
             if self.progress.step.is_multiple_of(self.config.run.log_every) {
                 self.write_row()?;
             }
-            self.console.update(&self.line());
+            self.console.update(self.progress.step, &self.line());
             if step.summary.is_some() {
                 return Ok(());
             }
@@ -233,7 +248,12 @@ impl Trainer {
             ("eval/peak_force", format!("{:.1} N", evaluation.peak_force)),
             ("eval/q_minus_return", format!("{:+.2}", evaluation.q_minus_return)),
             ("safety/collisions", self.progress.collisions.to_string()),
-            ("best so far", self.progress.best.map_or(String::new(), |b| format!("{:.2} at {}", b.success_rate, b.step))),
+            (
+                "best so far",
+                self.progress
+                    .best
+                    .map_or(String::new(), |b| format!("{:.2} at {}", b.success_rate, b.step)),
+            ),
         ]);
         Ok(())
     }
@@ -282,6 +302,22 @@ impl Trainer {
             ));
         }
         Ok(())
+    }
+
+    /// What the live line says besides the step, the rate and the time left.
+    fn line(&self) -> String {
+        let p = &self.progress;
+        let number = |x: Option<f64>, digits: usize| {
+            x.map_or_else(|| "–".into(), |x| format!("{x:.digits$}"))
+        };
+        format!(
+            "return {}  success {} of last {}  collisions {}  peak {} N",
+            number(p.mean_return(), 0),
+            number(p.success_rate().map(|rate| rate * p.recent.len() as f64), 0),
+            p.recent.len(),
+            p.collisions,
+            number(p.mean_peak_force(), 1),
+        )
     }
 
     fn write_row(&mut self) -> anyhow::Result<()> {

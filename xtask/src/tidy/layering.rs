@@ -17,6 +17,11 @@ const MAY_NEED: &[(&str, &[&str])] = &[
     // A backend knows no task …
     ("palpate-sim", &["palpate-spatial", "palpate-kinematics", "palpate-robot-io"]),
     ("palpate-ur", &["palpate-spatial", "palpate-kinematics", "palpate-robot-io"]),
+    // The other end of the wire: the protocol, and the simulator's contact behind a feature.
+    (
+        "palpate-virtual-ur",
+        &["palpate-spatial", "palpate-kinematics", "palpate-robot-io", "palpate-ur", "palpate-sim"],
+    ),
     // … and a task knows no backend.
     (
         "palpate-env",

@@ -7,4 +7,6 @@ mod insertion;
 mod penetration;
 mod repeat;
 mod rig;
+mod round;
+mod sprung;
 mod surface;

@@ -3,14 +3,18 @@
 use std::process::Command;
 
 use crate::exploration::Wanderer;
-use crate::rig::config;
+use crate::rig::{config, ring, round, sprung};
 
-/// Every bit of the wrench over a thousand ticks of exploration, folded.
+/// Every bit of the wrench over a thousand ticks of exploration with every kind of part, folded.
 fn fingerprint() -> u64 {
-    let mut wanderer = Wanderer::new(&config(5e-5, 1e-3), 5);
-    (0..1000).fold(0, |hash: u64, _| {
-        let wrench = wanderer.step().vector();
-        wrench.iter().fold(hash, |h, x| h.rotate_left(7).wrapping_mul(0x9E37_79B9) ^ x.to_bits())
+    [config, round, ring, sprung].iter().fold(0, |hash, make| {
+        let mut wanderer = Wanderer::new(&make(5e-5, 1e-3), 5);
+        (0..1000).fold(hash, |hash: u64, _| {
+            let wrench = wanderer.step().vector();
+            wrench
+                .iter()
+                .fold(hash, |h, x| h.rotate_left(7).wrapping_mul(0x9E37_79B9) ^ x.to_bits())
+        })
     })
 }
 

@@ -1,8 +1,8 @@
 //! On the board: stiffness, friction, seams, levers, the rim.
 
-use palpate_spatial::Vector3;
+use palpate_spatial::{UnitQuaternion, Vector3};
 
-use crate::rig::{Rig, config, soft};
+use crate::rig::{DT, Rig, config, flange, soft};
 
 #[test]
 fn a_press_has_the_stiffness_of_the_spring_and_nothing_sideways() {
@@ -42,8 +42,10 @@ fn sliding_friction_is_coulombs_also_over_seams() {
                     spike = spike.max(wrench.force.x.abs());
                 }
             }
+            let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
             let worst = ratios.iter().fold(0.0, |worst: f64, r| worst.max(r.abs()));
-            assert!(worst < 0.01, "x {x}, μ {friction}: off by {:.2} %", worst * 100.0);
+            assert!(mean.abs() < 0.002, "x {x}, μ {friction}: off by {:.2} %", mean * 100.0);
+            assert!(worst < 0.01, "x {x}, μ {friction}: a tick is off by {:.2} %", worst * 100.0);
             assert!(spike < 0.1, "x {x}, μ {friction}: {spike:.2} N across");
         }
     }
@@ -55,16 +57,23 @@ fn inside_the_friction_cone_it_sticks() {
     rig.push_down(20.0, 1.0);
     rig.hold(200);
     let before = rig.world.tip_pose().translation.vector;
-    // At the tip the rig is 1/(1/K + 0.15²/K_r) = 30.8 N/mm soft: 0.1 mm asks for 3 N of the 6 N that hold.
     for _ in 0..50 {
         rig.slide([1e-3, 0.0, 0.0]);
     }
     let (early, late) = (rig.hold(100), rig.hold(500));
-    let stiffness = 1.0 / (1.0 / 1e5 + 0.15f64.powi(2) / 1000.0);
-    assert!((late.force.x / (-stiffness * 1e-4) - 1.0).abs() < 0.05, "{:.3} N", late.force.x);
+    // At the tip the rig is 1/(1/K + 0.15²/K_r) = 30.8 N/mm soft. The peg tips over its trailing edge, and the
+    // moment F_z·w/2 that this takes stiffens it: 3.8 N of the 4.9 N that friction holds.
+    let moment = late.force.z * 0.010;
+    let expected = -(1e-4 + 0.15 * moment / 1000.0) / (1.0 / 1e5 + 0.15f64.powi(2) / 1000.0);
+    assert!(
+        (late.force.x / expected - 1.0).abs() < 0.05,
+        "{:.3} against {expected:.3} N",
+        late.force.x
+    );
     assert!((late.force - early.force).norm() < 0.01, "it creeps");
+    // Friction is solved in velocities: while the load changes a few micrometres slip by.
     let slip = (rig.world.tip_pose().translation.vector - before).xy().norm();
-    assert!(slip < 2e-6, "slipped by {:.1} µm", slip * 1e6);
+    assert!(slip < 5e-6, "slipped by {:.1} µm", slip * 1e6);
 }
 
 #[test]
@@ -85,9 +94,10 @@ fn the_torque_is_the_lever_of_the_touching_edge() {
             .unwrap();
         let sensor = (tip * nalgebra::Point3::new(0.0, 0.0, -0.150)).coords;
         let expected = (edge - sensor).cross(&wrench.force);
-        assert!(expected.norm() > 0.02, "{expected:?}");
-        let error = (wrench.torque - expected).norm();
-        assert!(error < 0.02 * expected.norm(), "{:?} against {expected:?}", wrench.torque);
+        assert!(expected.norm() > 0.005, "{expected:?}");
+        // About the vertical the two ends of the edge can lock friction in: no lever says how much.
+        let error = (wrench.torque - expected).xy().norm();
+        assert!(error < 1e-3, "{:?} against {expected:?}", wrench.torque);
     }
 }
 
@@ -99,10 +109,31 @@ fn a_peg_beside_the_hole_lands_on_the_rim_and_stays() {
         let early = rig.hold(300);
         assert!(rig.depth().abs() < 1e-4, "it landed {:.2} mm deep", rig.depth() * 1e3);
         assert!(early.force.z > 14.0, "{:.1} N", early.force.z);
-        // Only material on one side carries: the peg leans, and friction takes up a small pull to the hole.
+        // Material on one side carries: the peg leans, friction holds its edge, and the tilted sensor pulls.
+        // Over a corner the middle of the peg is still supported and it hardly leans.
         let pull = -early.force.xy().dot(&Vector3::new(x, y, 0.0).normalize().xy());
-        assert!(pull > 0.3 && pull < 1.5, "{pull:.2} N towards the hole");
+        let expected = if x * y == 0.0 { 0.5..1.1 } else { -0.05..0.2 };
+        assert!(expected.contains(&pull), "{pull:.2} N towards the hole");
         let late = rig.hold(600);
         assert!((late.force - early.force).norm() < 0.05, "{:?} → {:?}", early.force, late.force);
     }
+}
+
+#[test]
+fn a_flange_attitude_may_come_as_q_or_minus_q() {
+    let mut world = Rig::new(&config(1e-3, 0.0), [0.05, 0.0, 0.001], [0.0; 3]).world;
+    let mut worst: f64 = 0.0;
+    for tick in 0..200 {
+        // A slow tilt through a half turn from the hole's axes, where a quaternion's sign is a toss-up.
+        let tilt = Vector3::new(1e-4 * f64::from(tick - 100), 0.0, 0.0);
+        let mut pose = flange(&Vector3::new(0.05, 0.0, 0.003), &tilt, 0.150);
+        if tick % 2 == 1 {
+            pose.rotation = UnitQuaternion::new_unchecked(-pose.rotation.into_inner());
+        }
+        let felt = world.tick(&pose, DT).unwrap();
+        if tick > 100 {
+            worst = worst.max(felt.force.norm());
+        }
+    }
+    assert!(worst < 0.5, "{worst:.1} N in free air");
 }

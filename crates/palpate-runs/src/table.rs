@@ -1,0 +1,250 @@
+//! Tables of numbers as CSV.
+//!
+//! Numbers are written with the fewest digits that read back as the same bits, so equal runs write
+//! equal bytes. A value that does not exist yet is an empty cell.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{Seek as _, SeekFrom, Write as _};
+use std::path::{Path, PathBuf};
+
+use crate::RunError;
+use crate::config::nearest;
+use crate::error::At as _;
+
+/// A CSV file that grows by whole rows.
+#[derive(Debug)]
+pub struct Table {
+    path: PathBuf,
+    file: File,
+    columns: usize,
+    rows: u64,
+    line: String,
+}
+
+impl Table {
+    /// Opens a table and cuts it to its first `rows` rows; with 0 it is created, or emptied.
+    ///
+    /// # Errors
+    ///
+    /// If it has other columns or fewer rows: it is not the one that the checkpoint counted.
+    pub fn open(path: &Path, columns: &[&str], rows: u64) -> Result<Self, RunError> {
+        let wrong = |reason: String| RunError::Table { path: path.to_owned(), reason };
+        if let Some(name) = columns.iter().find(|name| name.contains([',', '"', '\n', '\r'])) {
+            return Err(wrong(format!("the column name {name:?} does not fit into CSV")));
+        }
+        let header = format!("{}\n", columns.join(","));
+        let end = if rows == 0 {
+            fs::write(path, &header).at("create", path)?;
+            header.len()
+        } else {
+            let text = fs::read_to_string(path).at("read", path)?;
+            if !text.starts_with(&header) {
+                let found = text.lines().next().unwrap_or_default();
+                return Err(wrong(format!(
+                    "its columns are {found}, where this version writes {}",
+                    columns.join(",")
+                )));
+            }
+            let mut ends = text.match_indices('\n').skip(1).map(|(at, _)| at + 1);
+            let present = ends.clone().count();
+            ends.nth(rows as usize - 1)
+                .ok_or_else(|| wrong(format!("it has {present} rows, the checkpoint {rows}")))?
+        };
+        let mut file = File::options().write(true).open(path).at("open", path)?;
+        file.set_len(end as u64).at("cut", path)?;
+        file.seek(SeekFrom::End(0)).at("open", path)?;
+        Ok(Self { path: path.to_owned(), file, columns: columns.len(), rows, line: String::new() })
+    }
+
+    /// Appends a row, one value per column.
+    pub fn write(&mut self, values: &[Option<f64>]) -> Result<(), RunError> {
+        if values.len() != self.columns {
+            let reason = format!("a row of {} values for {} columns", values.len(), self.columns);
+            return Err(RunError::Table { path: self.path.clone(), reason });
+        }
+        self.line.clear();
+        for (i, value) in values.iter().enumerate() {
+            if i > 0 {
+                self.line.push(',');
+            }
+            if let Some(value) = value {
+                push_number(&mut self.line, *value);
+            }
+        }
+        self.line.push('\n');
+        // In one piece, so that who looks on sees whole rows.
+        self.file.write_all(self.line.as_bytes()).at("append to", &self.path)?;
+        self.rows += 1;
+        Ok(())
+    }
+
+    /// Rows written so far.
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Waits until all rows would survive a power cut.
+    pub fn sync(&mut self) -> Result<(), RunError> {
+        self.file.sync_all().at("sync", &self.path)
+    }
+}
+
+/// The shortest text that reads back as the same bits.
+fn push_number(line: &mut String, value: f64) {
+    let size = value.abs();
+    let plain = (1e-5..1e16).contains(&size) || size == 0.0 || !size.is_finite();
+    let _ = if plain { write!(line, "{value}") } else { write!(line, "{value:e}") };
+}
+
+/// A table read back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Csv {
+    path: PathBuf,
+    columns: Vec<String>,
+    rows: Vec<Vec<Option<f64>>>,
+}
+
+impl Csv {
+    /// Reads a table that [`Table`] wrote. A last row without its line end is still being written
+    /// and left out.
+    pub fn read(path: &Path) -> Result<Self, RunError> {
+        let text = fs::read_to_string(path).at("read", path)?;
+        let mut lines = text.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n'));
+        let columns: Vec<String> =
+            lines.next().unwrap_or_default().split(',').map(str::to_owned).collect();
+        let row = |(i, line): (usize, &str)| {
+            let cells = line.split(',').map(|cell| match cell {
+                "" => Some(None),
+                cell => cell.parse().ok().map(Some),
+            });
+            let cells: Option<Vec<_>> = cells.collect();
+            cells.filter(|cells| cells.len() == columns.len()).ok_or_else(|| RunError::Table {
+                path: path.to_owned(),
+                reason: format!("line {} is no row of {} numbers: {line}", i + 2, columns.len()),
+            })
+        };
+        let rows = lines.enumerate().map(row).collect::<Result<_, _>>()?;
+        Ok(Self { path: path.to_owned(), columns, rows })
+    }
+
+    /// Names of the columns.
+    pub fn columns(&self) -> &[String] {
+        &self.columns
+    }
+
+    /// A column, row by row.
+    pub fn column(&self, name: &str) -> Result<Vec<Option<f64>>, RunError> {
+        let at = self.columns.iter().position(|column| column == name).ok_or_else(|| {
+            let near = nearest(name, self.columns.iter().map(String::as_str));
+            let hint = near.map_or(String::new(), |near| format!("; did you mean {near}?"));
+            let reason = format!("there is no column {name}{hint}");
+            RunError::Table { path: self.path.clone(), reason }
+        })?;
+        Ok(self.rows.iter().map(|row| row[at]).collect())
+    }
+
+    /// The rows in which two columns both have a value.
+    pub fn points(&self, x: &str, y: &str) -> Result<Vec<(f64, f64)>, RunError> {
+        Ok(self.column(x)?.into_iter().zip(self.column(y)?).filter_map(|(x, y)| x.zip(y)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COLUMNS: &[&str] = &["step", "loss"];
+
+    fn table() -> (tempfile::TempDir, PathBuf) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("metrics.csv");
+        (dir, path)
+    }
+
+    #[test]
+    fn numbers_read_back_with_the_same_bits() {
+        let (_dir, path) = table();
+        let values = [
+            0.0,
+            -0.0,
+            50.0,
+            0.1 + 0.2,
+            1e-5,
+            9.99e-6,
+            5e-324,
+            f64::MAX,
+            f64::MIN_POSITIVE,
+            1e15,
+            1e16,
+            -1.0 / 3.0,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+        ];
+        let mut table = Table::open(&path, COLUMNS, 0).unwrap();
+        for value in values {
+            table.write(&[Some(value), None]).unwrap();
+        }
+        table.write(&[Some(f64::NAN), Some(2.0)]).unwrap();
+        let csv = Csv::read(&path).unwrap();
+        let read = csv.column("step").unwrap();
+        for (value, read) in values.iter().zip(&read) {
+            assert_eq!(read.unwrap().to_bits(), value.to_bits());
+        }
+        assert!(read[values.len()].unwrap().is_nan());
+        assert_eq!(csv.column("loss").unwrap()[0], None);
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with(
+            "step,loss\n0,\n-0,\n50,\n0.30000000000000004,\n0.00001,\n9.99e-6,\n5e-324,\n"
+        ));
+        assert!(text.ends_with("NaN,2\n"));
+    }
+
+    #[test]
+    fn a_resumed_table_forgets_later_rows() {
+        let (_dir, path) = table();
+        let mut straight = Table::open(&path, COLUMNS, 0).unwrap();
+        for step in 0..5 {
+            straight.write(&[Some(f64::from(step)), Some(0.5)]).unwrap();
+        }
+        let expected = fs::read_to_string(&path).unwrap();
+        // A kill in the middle of a row.
+        fs::write(&path, format!("{expected}5,0.")).unwrap();
+        let mut resumed = Table::open(&path, COLUMNS, 3).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "step,loss\n0,0.5\n1,0.5\n2,0.5\n");
+        for step in 3..5 {
+            resumed.write(&[Some(f64::from(step)), Some(0.5)]).unwrap();
+        }
+        resumed.sync().unwrap();
+        assert_eq!(resumed.rows(), 5);
+        assert_eq!(fs::read_to_string(&path).unwrap(), expected);
+        Table::open(&path, COLUMNS, 0).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "step,loss\n");
+    }
+
+    #[test]
+    fn a_table_that_is_not_the_checkpoints_is_refused() {
+        let (_dir, path) = table();
+        fs::write(&path, "step,loss\n1,2\n3,").unwrap();
+        let said = Table::open(&path, COLUMNS, 2).unwrap_err().to_string();
+        assert!(said.ends_with("it has 1 rows, the checkpoint 2"), "{said}");
+        let said = Table::open(&path, &["step", "gain"], 1).unwrap_err().to_string();
+        assert!(said.contains("its columns are step,loss, where"), "{said}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "step,loss\n1,2\n3,");
+        assert!(Table::open(&path, &["a,b"], 0).is_err());
+        let mut table = Table::open(&path, COLUMNS, 1).unwrap();
+        assert!(table.write(&[None]).unwrap_err().to_string().contains("1 values for 2 columns"));
+    }
+
+    #[test]
+    fn reading_skips_gaps_and_the_row_being_written() {
+        let (_dir, path) = table();
+        fs::write(&path, "step,loss\n1,\n2,0.5\n3,0.25\n4,0.1").unwrap();
+        let csv = Csv::read(&path).unwrap();
+        assert_eq!(csv.points("step", "loss").unwrap(), [(2.0, 0.5), (3.0, 0.25)]);
+        let said = csv.column("lost").unwrap_err().to_string();
+        assert!(said.ends_with("there is no column lost; did you mean loss?"), "{said}");
+        fs::write(&path, "step,loss\n1,2\n1\n").unwrap();
+        assert!(Csv::read(&path).unwrap_err().to_string().contains("line 3 is no row"));
+    }
+}
