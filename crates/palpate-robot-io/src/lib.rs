@@ -17,15 +17,17 @@
 //! ```
 //!
 //! Modules: the trait, its data and its faults; [`contract`], the suite that every backend must
-//! pass; [`IdealArm`], the smallest backend that passes it.
+//! pass; [`IdealArm`], the smallest backend that passes it; [`Recorder`] and [`Replay`] around any other.
 
 mod backend;
 pub mod contract;
 mod fault;
 mod ideal;
+mod record;
 mod state;
 
 pub use backend::RobotBackend;
 pub use fault::{BackendError, FaultKind};
 pub use ideal::{IdealArm, IdealArmError};
+pub use record::{Call, Outcome, Recorder, Replay, ReplayError};
 pub use state::{JointCommand, RobotState};

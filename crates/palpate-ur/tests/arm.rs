@@ -3,7 +3,9 @@
 #[expect(dead_code, reason = "the faults are another test's")]
 mod support;
 
-use palpate_robot_io::{BackendError, FaultKind, JointCommand, RobotBackend, contract};
+use palpate_robot_io::{
+    BackendError, FaultKind, JointCommand, Recorder, Replay, RobotBackend, contract,
+};
 use palpate_spatial::JointVector;
 use palpate_ur::UrArm;
 use palpate_ur::registers::Mode;
@@ -13,10 +15,14 @@ type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 #[test]
 fn it_keeps_the_contract() -> Outcome {
-    let controller = Controller::start(3.0);
+    let controller = Controller::start(2.0);
     controller.lock().load = [3.0, -2.0, 9.0, 0.1, 0.2, -0.3];
-    let mut arm = UrArm::connect(controller.config())?;
+    let mut config = controller.config();
+    config.stall_ticks = 100;
+    let mut arm = Recorder::new(UrArm::connect(config)?, 20_000);
     contract::check(&mut arm)?;
+    // So does its recording, without a controller.
+    contract::check(&mut Replay::new(arm.take(), arm.period()))?;
     let world = controller.lock();
     assert!(world.largest_step < 0.0101, "the target jumped by {} rad", world.largest_step);
     assert_eq!((world.uploads, world.setups), (1, 1));

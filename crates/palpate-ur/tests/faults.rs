@@ -90,7 +90,7 @@ fn a_controller_that_does_not_hear_us() -> Outcome {
     let (mut arm, state) = moving(&controller)?;
     controller.set(Fault::Deaf);
     let error = until_error(&mut arm, state);
-    // Its own watchdog after 10 cycles, or ours after 100 ticks: both name the cause.
+    // Its own watchdog after 50 cycles here, or ours after 100 ticks: both name the cause.
     assert!(matches!(error, UrError::Braked(_) | UrError::NotHeard { .. }), "{error}");
     rests(&controller, &mut arm);
     controller.set(Fault::None);
@@ -236,7 +236,6 @@ fn nobody_there() {
     assert!(error.to_string().contains("127.0.0.1:1"), "{error}");
 }
 
-/// Stops of the safety system: `PALPATE_UR_STOPS` of them (20 here).
 /// A controller that takes no bytes: writes return at once and say that they were dropped.
 #[test]
 fn writes_never_wait() -> Outcome {

@@ -53,6 +53,16 @@ fn a_program_that_is_killed_is_loaded_again_by_recover_only() -> Outcome {
     Ok(())
 }
 
+/// One step, again after a recovery where a busy computer was late: that is another test's matter.
+fn keep_moving(arm: &mut UrArm) -> Result<(), UrError> {
+    let state = arm.read();
+    match state.and_then(|state| step(arm, &state)) {
+        Err(error) if matches!(error.kind(), FaultKind::Timing | FaultKind::Link) => arm.recover(),
+        other => other.map(|_| ()),
+    }
+}
+
+/// Stops of the safety system: `PALPATE_UR_STOPS` of them (20 here).
 #[test]
 fn a_stop_of_the_safety_system_waits_for_a_person() -> Outcome {
     let stops = std::env::var("PALPATE_UR_STOPS").ok().and_then(|n| n.parse().ok()).unwrap_or(20);
@@ -62,13 +72,14 @@ fn a_stop_of_the_safety_system_waits_for_a_person() -> Outcome {
     let mut arm = UrArm::connect(config)?;
     let operator = arm.operator();
     for n in 0..stops {
-        let mut state = arm.read()?;
         for _ in 0..n % 7 {
-            state = step(&mut arm, &state)?;
+            keep_moving(&mut arm)?;
         }
         let status = [3, 5, 6, 7, 8, 9, 2, 99][n % 8];
         controller.lock().safety = status;
-        let error = until_error(&mut arm, state);
+        let error = std::iter::repeat_with(|| keep_moving(&mut arm))
+            .find_map(Result::err)
+            .ok_or("endless")?;
         assert!(matches!(error, UrError::Safety(s) if i32::from(s) == status), "{error}");
         let moved = controller.lock().moving_ticks;
         // Not while it lasts …

@@ -141,6 +141,7 @@ impl Controller {
         let mut config = UrConfig::at("127.0.0.1");
         config.ports = self.ports;
         config.stale_ticks = 100;
+        config.stall_ticks = 50;
         config.answer_timeout = 2.0;
         config.boot_settle = 0.0;
         config

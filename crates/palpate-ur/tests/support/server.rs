@@ -136,11 +136,15 @@ impl Server {
 
     /// Starts a program once its last line is there, as the secondary interface does.
     fn load(&mut self, world: &mut World) {
-        for (stream, text) in &mut self.uploads {
+        self.uploads.retain_mut(|(stream, text)| {
             let mut bytes = [0; 4096];
-            while let Ok(n @ 1..) = stream.read(&mut bytes) {
-                text.push_str(&String::from_utf8_lossy(&bytes[..n]));
-            }
+            let open = loop {
+                match stream.read(&mut bytes) {
+                    Ok(0) => break false,
+                    Ok(n) => text.push_str(&String::from_utf8_lossy(&bytes[..n])),
+                    Err(e) => break e.kind() == ErrorKind::WouldBlock,
+                }
+            };
             // The interface streams state that nobody asked for.
             let _ = stream.write(&[0; 700]);
             if text.ends_with("\nend\n") {
@@ -151,7 +155,8 @@ impl Server {
                 world.runtime = 2;
                 world.target = world.q;
             }
-        }
+            open
+        });
     }
 }
 
