@@ -1,5 +1,7 @@
 //! RTDE, the server's side, byte for byte: handshake, recipes, ownership, data.
 
+#![expect(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
+
 use palpate_kinematics::UrModel;
 use palpate_ur::proto::{
     ClientPacket, DataType, Framer, Recipe, ServerPacket, Value, VariableReply, Version,
@@ -206,7 +208,9 @@ fn inputs_are_applied_as_one_set_and_stay() {
     );
     let send = |session: &mut ServerSession, robot: &mut Controller, recipe, values: &[Value]| {
         let mut bytes = Vec::new();
-        values.iter().for_each(|v| v.write(&mut bytes));
+        for value in values {
+            value.write(&mut bytes);
+        }
         request(session, robot, &ClientPacket::Data { recipe, values: &bytes })
     };
     let set = [Value::Int32(-5), Value::Double(2.5), Value::Bool(true), Value::Uint32(0x8000_0001)];

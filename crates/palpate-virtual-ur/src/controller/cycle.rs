@@ -234,6 +234,17 @@ impl Controller {
         }
     }
 
+    /// After the arm broke down: it stands wherever it is whole again.
+    pub(crate) fn restart_plant(&mut self) {
+        if std::mem::take(&mut self.plant_failed) {
+            let rest = JointVector::zeros();
+            self.set_point = SetPoint { q: self.plant.restart(), dq: rest };
+            self.measured.q = self.set_point.q;
+            self.measured.dq = rest;
+            self.motion = Motion::Hold;
+        }
+    }
+
     /// What the payload setting gets wrong, tool axes.
     fn unaccounted_weight(&self, base_R_tool: &palpate_spatial::UnitQuaternion) -> Vector6 {
         let Some((mass, centre)) = &self.config.tool else { return Vector6::zeros() };

@@ -96,9 +96,9 @@ impl Controller {
     pub(crate) fn restart_safety(&mut self) {
         if matches!(self.safety, SafetyStatus::Fault | SafetyStatus::Violation) {
             self.safety = SafetyStatus::Normal;
-            self.plant_failed = false;
         }
         self.stop_program("safety restart");
+        self.restart_plant();
         self.powering = None;
         self.robot_mode = RobotMode::PowerOff;
     }

@@ -37,6 +37,11 @@ pub trait Plant: Send {
     /// The simulation behind it broke down.
     fn step(&mut self, q_target: &JointVector) -> Result<PlantState, PlantError>;
 
+    /// Is whole again after a failed [`step`](Self::step); where its joints are then, rad.
+    fn restart(&mut self) -> JointVector {
+        self.start()
+    }
+
     /// Makes the sensor read zero under its present load.
     fn zero_sensor(&mut self);
 }

@@ -35,6 +35,13 @@ impl Plant for ContactArm {
         self.advance(q_target).map_err(|e| PlantError(e.to_string()))
     }
 
+    /// The arm stands at its start again, in a new world.
+    fn restart(&mut self) -> JointVector {
+        // A simulator without a fault has nothing to recover from, one with a fault always can.
+        _ = self.arm.recover();
+        self.start
+    }
+
     /// As on the arm: in free air at rest the simulator also rebuilds its world there.
     fn zero_sensor(&mut self) {
         // A tare of the simulator cannot fail.

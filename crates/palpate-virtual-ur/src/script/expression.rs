@@ -161,8 +161,9 @@ impl Parser {
                     self.expect(")")?;
                     Expression::Run(thread)
                 }
+                _ if !Self::is_free(&name) => return Err(self.unexpected("an expression")),
                 _ => {
-                    let name = self.name()?;
+                    self.advance();
                     if self.sign("(") {
                         Expression::Call(Call { function: name, arguments: self.arguments()? })
                     } else {

@@ -97,10 +97,15 @@ impl Parser {
         found
     }
 
+    /// Whether a word is no keyword.
+    pub(crate) fn is_free(word: &str) -> bool {
+        !RESERVED.contains(&word)
+    }
+
     /// A name that is no keyword.
     pub(crate) fn name(&mut self) -> Result<String, ScriptError> {
         match self.peek() {
-            Word::Name(name) if !RESERVED.contains(&name.as_str()) => {
+            Word::Name(name) if Self::is_free(name) => {
                 let name = name.clone();
                 self.next += 1;
                 Ok(name)
