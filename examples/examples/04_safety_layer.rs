@@ -19,6 +19,7 @@ fn main() -> anyhow::Result<()> {
         speed_reference: SpeedReference::Commanded,
         force_filter_cutoff: 50.0,
         reset: ResetLimits { force_max: 60.0, torque_max: 6.0 },
+        shield: None, // only for mode = shield
     };
     let mut arm = IdealArm::at(home);
     arm.load.force.z = 3.0;

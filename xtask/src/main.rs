@@ -9,6 +9,7 @@ mod examples;
 mod palpate;
 mod process;
 mod smoke;
+mod soak;
 mod style;
 mod test;
 mod tidy;
@@ -34,6 +35,7 @@ Repository:
   ci [--only STEP]…  every check that must pass before a merge, or only some
   tidy             layering, file size, links, assets, stray paths
   bench [ARGS…]    criterion benchmarks
+  soak shield [ACTIONS [SEED]]  adversaries against the fail-safe layer, 10⁷ actions
   examples         every tutorial program, with --quick
   stability        which contacts make the force loop oscillate: docs/results/stability.md and its pictures
   help             this text
@@ -71,6 +73,7 @@ fn run() -> anyhow::Result<ExitCode> {
             cmd!(sh, "cargo run --release -p palpate-control --example stability_map -- {rest...}")
                 .run()?;
         }
+        Some("soak") => soak::command(&rest)?,
         Some("examples") => println!("{} programs ran", examples::command()?),
         _ => {
             let all: Vec<OsString> = std::iter::once(command).chain(rest).collect();

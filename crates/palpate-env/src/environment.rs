@@ -5,13 +5,14 @@ use palpate_control::{
 };
 use palpate_kinematics::IkError;
 use palpate_robot_io::FaultKind;
+use palpate_safety::shield::Standing;
 use palpate_safety::{Excess, Guarded, Measurement, Refusal, Verdict};
 use palpate_spatial::{Pose, Vector6, integrate, pose_error_vector_part};
 
 use crate::config::{ConfigError, EnvConfig, Reference};
 use crate::episode::{Episode, Outcome, Summary};
 use crate::observation::Observer;
-use crate::reset::drive_to_start;
+use crate::reset::{WayBack, drive_to_start};
 use crate::reward::{End, Parts, RewardConfig, RewardTerms};
 use crate::task::TaskConfig;
 
@@ -53,6 +54,16 @@ pub enum EnvError<E: std::error::Error + 'static> {
     /// The way back to the start was refused.
     #[error("the way back to the start was refused: {0}")]
     ResetRefused(Refusal),
+    /// The way back failed too often: a person must look.
+    #[error(
+        "{tries} tries to drive back to the start failed; a person must look at the arm. The last one: {last}"
+    )]
+    AskHuman {
+        /// Tries.
+        tries: u32,
+        /// How the last one failed.
+        last: String,
+    },
     /// `step` was called before `reset` or after the episode's end.
     #[error("no episode is under way: call reset first")]
     NoEpisode,
@@ -186,13 +197,13 @@ impl<R: Guarded> Env<R> {
         let mut tries = 0;
         let measurement = loop {
             tries += 1;
-            let way = drive_to_start(
-                &mut self.robot,
-                &self.config.reset,
-                &self.task.base_T_hole(),
-                &start.base_T_start,
-                &self.task.q_home,
-            );
+            let way = WayBack {
+                config: &self.config.reset,
+                base_T_hole: &self.task.base_T_hole(),
+                base_T_start: &start.base_T_start,
+                q_home: &self.task.q_home,
+            };
+            let way = drive_to_start(&mut self.robot, &way);
             match way {
                 Ok(measurement) => break measurement,
                 Err(EnvError::Robot(e))
@@ -216,7 +227,7 @@ impl<R: Guarded> Env<R> {
             start,
             reference,
             self.reward.scale(&error),
-            measurement,
+            &measurement,
             self.robot.tally(),
         ));
         self.next_episode += 1;
@@ -248,16 +259,22 @@ impl<R: Guarded> Env<R> {
                 Reference::Measured => m.base_T_tool,
             };
             let x_c = integrate(&from, &twist, dt);
-            match self.robot.command(&x_c).map_err(EnvError::Robot)? {
-                Verdict::Accepted => episode.reference = x_c,
-                Verdict::Refused(_) => self.controller.command_refused(),
+            let verdict = self.robot.command(&x_c).map_err(EnvError::Robot)?;
+            // A shield may have slowed or braked: what follows starts from where that led.
+            let governed = self.robot.decision().and_then(|decision| decision.governed);
+            match verdict {
+                Verdict::Accepted => episode.reference = governed.unwrap_or(x_c),
+                Verdict::Refused(_) => {
+                    self.controller.command_refused();
+                    episode.reference = governed.unwrap_or(episode.reference);
+                }
                 Verdict::ForceExceeded(_) => {
                     end = Some(End::Violation);
                     break;
                 }
             }
             match self.robot.sense() {
-                Ok(sample) => episode.observe(sample),
+                Ok(sample) => episode.observe(&sample),
                 Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => {
                     return self.faulted(episode, &e);
                 }
@@ -289,7 +306,28 @@ impl<R: Guarded> Env<R> {
             None if truncated => Some(Outcome::TimeLimit),
             None => None,
         };
+        if outcome.is_some() {
+            self.come_to_rest(&mut episode)?;
+        }
         Ok(self.finish(episode, reward, outcome, truncated))
+    }
+
+    /// Nobody commands between episodes: brakes, and after a force stop lets the arm back out. The force on the
+    /// way counts towards the episode's peak. Only a shield has anything to do here.
+    fn come_to_rest(&mut self, episode: &mut Episode) -> Result<(), EnvError<R::Error>> {
+        while self.robot.standing() != Standing::AtRest {
+            let sample = self.robot.brake().and_then(|_| self.robot.sense());
+            match sample {
+                Ok(sample) => episode.observe_peak(&sample),
+                Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => {
+                    self.faults += 1;
+                    tracing::warn!(episode = episode.number, error = %e, "simulator fault at rest; rebuilding");
+                    return self.robot.recover().map_err(EnvError::Robot);
+                }
+                Err(e) => return Err(EnvError::Robot(e)),
+            }
+        }
+        Ok(())
     }
 
     fn finish(

@@ -67,7 +67,7 @@ impl Episode {
         start: EpisodeStart,
         reference: Pose,
         error_scale: Vector6,
-        measurement: Measurement,
+        measurement: &Measurement,
         tally_before: Tally,
     ) -> Self {
         Self {
@@ -75,7 +75,7 @@ impl Episode {
             start,
             reference,
             error_scale,
-            measurement,
+            measurement: *measurement,
             tally_before,
             steps: 0,
             total_reward: 0.0,
@@ -86,13 +86,18 @@ impl Episode {
         }
     }
 
+    /// Takes in a sample from after the end: only its force counts.
+    pub(crate) fn observe_peak(&mut self, measurement: &Measurement) {
+        self.peak_force = self.peak_force.max(measurement.raw_wrench.force.norm());
+    }
+
     /// Takes in the next sample.
-    pub(crate) fn observe(&mut self, measurement: Measurement) {
+    pub(crate) fn observe(&mut self, measurement: &Measurement) {
         let force = measurement.raw_wrench.force.norm();
         self.ticks += 1;
         self.peak_force = self.peak_force.max(force);
         self.force_sum += force;
-        self.measurement = measurement;
+        self.measurement = *measurement;
     }
 
     pub(crate) fn summary(

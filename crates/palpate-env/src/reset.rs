@@ -1,7 +1,9 @@
 //! The safe path back to the start.
+#![expect(clippy::neg_cmp_op_on_partial_ord, reason = "a height that is NaN ends the way out")]
 
 use palpate_kinematics::IkOptions;
-use palpate_safety::{Guarded, Measurement, Refusal, Verdict};
+use palpate_safety::shield::{Action, Cause, Recovery, Seen, Standing};
+use palpate_safety::{Guarded, Measurement, Mode, Refusal, Verdict};
 use palpate_spatial::{JointVector, Pose, Vector3};
 
 use crate::{EnvError, ResetConfig};
@@ -9,32 +11,131 @@ use crate::{EnvError, ResetConfig};
 /// Refused commands in a row after which the path counts as blocked.
 const PATIENCE: u32 = 50;
 
-/// Drives the tool out of the hole, over to `base_T_start`, lets it settle and tares.
+/// Longest time that the set-point gets to arrive after its path, s.
+const CATCH_UP: f64 = 2.0;
+
+/// The way from wherever an episode ended to the start of the next.
+pub(crate) struct WayBack<'a> {
+    pub(crate) config: &'a ResetConfig,
+    pub(crate) base_T_hole: &'a Pose,
+    pub(crate) base_T_start: &'a Pose,
+    pub(crate) q_home: &'a JointVector,
+}
+
+/// Drives the tool out of the hole, over to the start, lets it settle and tares.
 ///
 /// The start's joints are solved from `q_home`, never from where the arm happens to be, so that the
 /// same start always means the same joints.
 pub(crate) fn drive_to_start<R: Guarded>(
     robot: &mut R,
-    config: &ResetConfig,
-    base_T_hole: &Pose,
-    base_T_start: &Pose,
-    q_home: &JointVector,
+    way: &WayBack<'_>,
 ) -> Result<Measurement, EnvError<R::Error>> {
     let q_start = robot
         .chain()
-        .solve_near(base_T_start, q_home, &IkOptions::default())
+        .solve_near(way.base_T_start, way.q_home, &IkOptions::default())
         .map_err(EnvError::StartUnreachable)?
         .q;
-    robot.begin_reset();
-    let m = robot.sense().map_err(EnvError::Robot)?;
-    let m = way_out(robot, config, base_T_hole, m)?;
-    way_over(robot, config, m.state.q_target, &q_start)?;
     let dt = robot.period().as_secs_f64();
-    for _ in 0..(config.settle_time / dt).ceil() as u64 {
-        follow_joints(robot, &q_start)?;
+    let shield = robot.limits().shield.as_ref().filter(|_| robot.limits().mode == Mode::Shield);
+    match shield.map(|s| s.recovery) {
+        None => path(robot, way, &q_start)?,
+        Some(config) => {
+            let stopped =
+                robot.decision().is_some_and(|d| matches!(d.verdict, Verdict::ForceExceeded(_)));
+            let recovery = if stopped {
+                Recovery::after_stop(config, dt)
+            } else {
+                Recovery::after_rest(config, dt)
+            };
+            recover(robot, way, &q_start, recovery)?;
+        }
     }
     robot.begin_episode().map_err(EnvError::Robot)?;
     robot.sense().map_err(EnvError::Robot)
+}
+
+/// The path, and around it the shield's recovery: what to do before it and after a failure.
+fn recover<R: Guarded>(
+    robot: &mut R,
+    way: &WayBack<'_>,
+    q_start: &JointVector,
+    mut recovery: Recovery,
+) -> Result<(), EnvError<R::Error>> {
+    let mut m = robot.sense().map_err(EnvError::Robot)?;
+    let mut failure = None;
+    loop {
+        let seen =
+            Seen { standing: robot.standing(), wrench: m.wrench, arrived: failure.is_none() };
+        match recovery.step(&seen) {
+            Action::Brake | Action::Retreat | Action::Watch => {
+                let _: Verdict = robot.brake().map_err(EnvError::Robot)?;
+            }
+            Action::Tare => robot.tare().map_err(EnvError::Robot)?,
+            Action::Path => {
+                failure = match path(robot, way, q_start) {
+                    Ok(()) => None,
+                    Err(e @ (EnvError::ResetForce(_) | EnvError::ResetRefused(_))) => {
+                        Some(e.to_string())
+                    }
+                    Err(e) => return Err(e),
+                };
+            }
+            Action::Done => return Ok(()),
+            Action::AskHuman => {
+                let last = failure.unwrap_or_default();
+                return Err(EnvError::AskHuman { tries: recovery.tries(), last });
+            }
+        }
+        m = robot.sense().map_err(EnvError::Robot)?;
+    }
+}
+
+/// Out, over, and to rest at the start.
+fn path<R: Guarded>(
+    robot: &mut R,
+    way: &WayBack<'_>,
+    q_start: &JointVector,
+) -> Result<(), EnvError<R::Error>> {
+    robot.begin_reset();
+    let m = robot.sense().map_err(EnvError::Robot)?;
+    let m = way_out(robot, way.config, way.base_T_hole, m)?;
+    let mut refused = 0;
+    way_over(robot, way.config, m.state.q_target, q_start, &mut refused)?;
+    arrive(robot, q_start, &mut refused)?;
+    let dt = robot.period().as_secs_f64();
+    for _ in 0..(way.config.settle_time / dt).ceil() as u64 {
+        follow_joints(robot, q_start, &mut refused)?;
+    }
+    come_to_rest(robot)?;
+    Ok(())
+}
+
+/// Behind a shield the set-point may still be on its way when the path ends. Nothing to do without one.
+fn arrive<R: Guarded>(
+    robot: &mut R,
+    q: &JointVector,
+    refused: &mut u32,
+) -> Result<(), EnvError<R::Error>> {
+    let ticks = (CATCH_UP / robot.period().as_secs_f64()) as u64;
+    for _ in 0..ticks {
+        if robot.decision().is_none_or(|decision| decision.executed == *q) {
+            break;
+        }
+        follow_joints(robot, q, refused)?;
+    }
+    Ok(())
+}
+
+/// Brakes until the set-point rests; the last sample, if it moved at all. Nothing to do without a shield.
+fn come_to_rest<R: Guarded>(robot: &mut R) -> Result<Option<Measurement>, EnvError<R::Error>> {
+    let mut last = None;
+    while robot.standing() != Standing::AtRest {
+        if let Verdict::ForceExceeded(excess) = robot.brake().map_err(EnvError::Robot)? {
+            return Err(EnvError::ResetForce(excess));
+        }
+        last = Some(robot.sense().map_err(EnvError::Robot)?);
+    }
+    Ok(last)
 }
 
 /// Straight out along the hole's axis until the tool is clear of the board.
@@ -51,16 +152,19 @@ fn way_out<R: Guarded>(
     loop {
         let height = (base_T_tool.translation.vector - base_T_hole.translation.vector).dot(&axis);
         if !(height < config.clearance) {
-            return Ok(m);
+            return Ok(come_to_rest(robot)?.unwrap_or(m));
         }
         let mut next = base_T_tool;
         next.translation.vector += axis * step;
-        match robot.command(&next).map_err(EnvError::Robot)? {
+        let verdict = robot.command(&next).map_err(EnvError::Robot)?;
+        let governed = robot.decision().and_then(|decision| decision.governed);
+        match verdict {
             Verdict::Accepted => {
-                base_T_tool = next;
+                base_T_tool = governed.unwrap_or(next);
                 refused = 0;
             }
             Verdict::Refused(refusal) => {
+                base_T_tool = governed.unwrap_or(base_T_tool);
                 refused += 1;
                 if refused > PATIENCE {
                     return Err(EnvError::ResetRefused(refusal));
@@ -78,29 +182,44 @@ fn way_over<R: Guarded>(
     config: &ResetConfig,
     from: JointVector,
     to: &JointVector,
+    refused: &mut u32,
 ) -> Result<(), EnvError<R::Error>> {
     let dt = robot.period().as_secs_f64();
     let path = to - from;
     // The fastest joint peaks at π/2 times its mean speed.
     let duration = path.amax() * std::f64::consts::FRAC_PI_2 / config.joint_speed;
     let ticks = (duration / dt).ceil().max(1.0) as u64;
-    for tick in 1..=ticks {
+    let mut tick = 1;
+    while tick <= ticks {
         let s = tick as f64 / ticks as f64;
         let blend = (1.0 - (std::f64::consts::PI * s).cos()) / 2.0;
-        follow_joints(robot, &(from + path * blend))?;
+        follow_joints(robot, &(from + path * blend), refused)?;
+        // A shield may slow the arm down: the path waits for it.
+        let slowed = robot.decision().and_then(|d| d.cause).is_some_and(Cause::is_slowed);
+        tick += u64::from(!slowed);
     }
     // Exactly the goal, whatever the cosine rounded to.
-    follow_joints(robot, to)
+    follow_joints(robot, to, refused)
 }
 
-fn follow_joints<R: Guarded>(robot: &mut R, q: &JointVector) -> Result<(), EnvError<R::Error>> {
+fn follow_joints<R: Guarded>(
+    robot: &mut R,
+    q: &JointVector,
+    refused: &mut u32,
+) -> Result<(), EnvError<R::Error>> {
     match robot.command_joints(q).map_err(EnvError::Robot)? {
-        Verdict::Accepted => {}
+        Verdict::Accepted => *refused = 0,
         Verdict::Refused(refusal @ (Refusal::NonFinite | Refusal::JointRange { .. })) => {
             return Err(EnvError::ResetRefused(refusal));
         }
         // A speed refusal behind a lagging arm clears itself: the next set-point is closer.
-        Verdict::Refused(_) => {}
+        Verdict::Refused(Refusal::JointSpeed { .. }) => {}
+        Verdict::Refused(refusal) => {
+            *refused += 1;
+            if *refused > PATIENCE {
+                return Err(EnvError::ResetRefused(refusal));
+            }
+        }
         Verdict::ForceExceeded(excess) => return Err(EnvError::ResetForce(excess)),
     }
     robot.sense().map(|_| ()).map_err(EnvError::Robot)

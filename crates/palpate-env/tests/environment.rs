@@ -1,4 +1,5 @@
 //! The environment on an ideal arm in free air: loops, episodes, draws and endings.
+#![expect(clippy::unwrap_used, reason = "our own settings load")]
 
 use palpate_control::{ControlConfig, PolicyModel};
 use palpate_env::{Distribution, Env, EnvConfig, EnvError, Outcome, RewardConfig, TaskConfig};
@@ -27,10 +28,18 @@ fn read(path: &str) -> String {
 }
 
 fn env(seed: u64, change: impl FnOnce(&mut EnvConfig, &mut TaskConfig)) -> Env<Safe<IdealArm>> {
+    env_of("p-14", seed, change)
+}
+
+fn env_of(
+    model: &str,
+    seed: u64,
+    change: impl FnOnce(&mut EnvConfig, &mut TaskConfig),
+) -> Env<Safe<IdealArm>> {
     let mut preset: Preset = toml::from_str(&read("presets/palpate.toml")).unwrap();
     let mut task = toml::from_str::<Task>(&read("tasks/peg-insertion.toml")).unwrap().task;
     change(&mut preset.env, &mut task);
-    let model: PolicyModel = toml::from_str(&read("policies/p-14.toml")).unwrap();
+    let model: PolicyModel = toml::from_str(&read(&format!("policies/{model}.toml"))).unwrap();
     let chain =
         SerialChain::from_urdf_file(format!("{ASSETS}/robots/ur3e.urdf"), "base_link", "tool0")
             .unwrap();
@@ -154,4 +163,32 @@ fn the_same_episode_is_bitwise_the_same_whatever_came_before() {
     used.reset().unwrap();
     used.step(&[-1.0; 14]).unwrap();
     assert_eq!(run(&mut fresh), run(&mut used));
+}
+
+#[test]
+fn no_model_oscillates_in_free_air_at_the_ends_of_its_gains() {
+    for model in ["p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18"] {
+        for gain in [-1.0, 0.0, 1.0] {
+            let mut env = env_of(model, 1, fixed);
+            env.reset().unwrap();
+            let mut action = vec![gain; env.action_dim()];
+            action[..6].fill(0.0);
+            let mut last = env.believed_error().unwrap();
+            let mut over = false;
+            while !over {
+                over = env.step(&action).unwrap().summary.is_some();
+                let error = env.believed_error().unwrap();
+                for axis in 0..6 {
+                    // Towards the goal on every axis, never past it: 10 µm and 10 µrad are the lag's.
+                    assert!(
+                        error[axis].abs() <= last[axis].abs() + 1e-5,
+                        "{model} at {gain}, axis {axis}: {} after {}",
+                        error[axis],
+                        last[axis]
+                    );
+                }
+                last = error;
+            }
+        }
+    }
 }

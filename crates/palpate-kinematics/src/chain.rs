@@ -46,8 +46,8 @@ pub(crate) struct Link {
 /// ```
 #[derive(Clone, Debug)]
 pub struct SerialChain<const N: usize> {
-    links: [Link; N],
-    after: Rigid,
+    pub(crate) links: [Link; N],
+    pub(crate) after: Rigid,
     limits: JointLimits<N>,
     names: Vec<String>,
     reach: f64,

@@ -23,6 +23,7 @@
 //! - [`SerialChain`]: an arm from a URDF or a [`DhTable`]; forward kinematics; tracking IK for any number of
 //!   joints.
 //! - [`Kinematics`]: pose, Jacobian, manipulability and smallest singular value of one configuration.
+//! - [`LinkFrame`]: where each link is, for collision geometry.
 //! - [`UrSolver`]: tracking IK with all eight branches of a UR to fall back on, calibrated or not.
 //! - [`UrModel`], [`UrAnalytic`]: the maker's figures and the closed form that they allow.
 //!
@@ -38,6 +39,7 @@ mod builder;
 mod chain;
 mod dh;
 mod error;
+mod frames;
 mod inverse;
 mod jacobian;
 mod ldl;
@@ -53,6 +55,7 @@ mod urdf;
 pub use chain::{JointLimits, SerialChain};
 pub use dh::DhTable;
 pub use error::{IkError, ModelError};
+pub use frames::LinkFrame;
 pub use inverse::{IkOptions, IkSolution};
 pub use jacobian::{Frame, Kinematics};
 pub use ur::{UR_JOINTS, UrModel};

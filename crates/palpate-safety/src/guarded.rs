@@ -6,6 +6,7 @@ use palpate_kinematics::SerialChain;
 use palpate_robot_io::{FaultKind, RobotBackend};
 use palpate_spatial::{DOF, JointVector, Pose};
 
+use crate::shield::{Decision, Ledger, Standing};
 use crate::{Measurement, Safe, SafeError, SafetyConfig, Tally, Verdict};
 
 mod sealed {
@@ -34,6 +35,16 @@ pub trait Guarded: sealed::Sealed {
     fn recover(&mut self) -> Result<(), Self::Error>;
     /// Brings the arm to rest.
     fn stop(&mut self) -> Result<(), Self::Error>;
+    /// Brakes for the next period. See [`Safe::brake`].
+    fn brake(&mut self) -> Result<Verdict, Self::Error>;
+    /// Zeroes the sensor on the way. See [`Safe::tare`].
+    fn tare(&mut self) -> Result<(), Self::Error>;
+    /// What the set-point is doing. See [`Safe::standing`].
+    fn standing(&self) -> Standing;
+    /// The last verdict with what was executed, in shield mode. See [`Safe::decision`].
+    fn decision(&self) -> Option<&Decision>;
+    /// Every verdict other than a pass, in shield mode. See [`Safe::ledger`].
+    fn ledger(&self) -> Option<&Ledger>;
     /// Refusals and force stops so far.
     fn tally(&self) -> Tally;
     /// Kinematics from the base to the tool centre point.
@@ -70,6 +81,21 @@ impl<B: RobotBackend> Guarded for Safe<B> {
     }
     fn stop(&mut self) -> Result<(), Self::Error> {
         Self::stop(self)
+    }
+    fn brake(&mut self) -> Result<Verdict, Self::Error> {
+        Self::brake(self)
+    }
+    fn tare(&mut self) -> Result<(), Self::Error> {
+        Self::tare(self)
+    }
+    fn standing(&self) -> Standing {
+        Self::standing(self)
+    }
+    fn decision(&self) -> Option<&Decision> {
+        Self::decision(self)
+    }
+    fn ledger(&self) -> Option<&Ledger> {
+        Self::ledger(self)
     }
     fn tally(&self) -> Tally {
         Self::tally(self)

@@ -4,6 +4,8 @@
 //! without passing the paper's Algorithm 1: an inverse-kinematics solution exists, the joint speed
 //! is within its limit, the contact force is within F_max, and every number is finite.
 //!
+//! Three modes: `paper` and `force-first` are Algorithm 1 in two orders, [`shield`] is what a real arm should have.
+//!
 //! An environment takes only a [`Guarded`] robot, and only [`Safe`] is one:
 //!
 //! ```compile_fail
@@ -19,6 +21,7 @@
 mod guarded;
 mod limits;
 mod safe;
+pub mod shield;
 mod verdict;
 
 pub use guarded::Guarded;

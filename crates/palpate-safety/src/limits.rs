@@ -1,7 +1,9 @@
 //! The limits, which have no defaults: a configuration states every one.
+#![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
 
 use palpate_spatial::{JointVector, Wrench};
 
+use crate::shield::ShieldConfig;
 use crate::{Excess, Refusal};
 
 /// Order of the checks.
@@ -14,6 +16,9 @@ pub enum Mode {
     /// Force before anything else, every tick, so that a press is noticed even while commands are
     /// being refused.
     ForceFirst,
+    /// Only commands after which the arm can still brake legally; see [`shield`](crate::shield). Needs
+    /// `[safety.shield]`.
+    Shield,
 }
 
 /// What a commanded joint step is measured from.
@@ -45,6 +50,8 @@ pub struct SafetyConfig {
     pub force_filter_cutoff: f64,
     /// Limits while the arm is driven back to its start.
     pub reset: ResetLimits,
+    /// Limits of the shield. The other modes ignore them.
+    pub shield: Option<ShieldConfig>,
 }
 
 /// Limits that hold during a reset, when the tool may first have to come out of a jam.
@@ -62,8 +69,22 @@ pub struct ResetLimits {
 #[error("safety.{key} is {value}, but it must be {must}")]
 pub struct LimitsError {
     key: String,
-    value: f64,
+    value: String,
     must: String,
+}
+
+impl LimitsError {
+    pub(crate) fn new(key: &str, value: impl std::fmt::Display, must: impl Into<String>) -> Self {
+        Self { key: key.into(), value: format!("{value}"), must: must.into() }
+    }
+
+    pub(crate) fn no_shield() -> Self {
+        Self::new(
+            "shield",
+            "missing",
+            "stated in full for safety.mode = \"shield\": it has no defaults",
+        )
+    }
 }
 
 impl SafetyConfig {
@@ -82,30 +103,27 @@ impl SafetyConfig {
         ];
         for (key, value) in positive {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(LimitsError {
-                    key: key.into(),
-                    value,
-                    must: "positive and finite".into(),
-                });
+                return Err(LimitsError::new(key, value, "positive and finite"));
             }
         }
         for (joint, (&value, &arm)) in self.joint_velocity_max.iter().zip(arm_velocity).enumerate()
         {
             if !(value > 0.0 && value <= arm) {
-                return Err(LimitsError {
-                    key: format!("joint_velocity_max[{joint}]"),
+                let key = format!("joint_velocity_max[{joint}]");
+                return Err(LimitsError::new(
+                    &key,
                     value,
-                    must: format!("positive and at most the arm's own limit of {arm:.4} rad/s"),
-                });
+                    format!("positive and at most the arm's own limit of {arm:.4} rad/s"),
+                ));
             }
         }
         let nyquist = sample_rate / 2.0;
         if !(self.force_filter_cutoff > 0.0 && self.force_filter_cutoff < nyquist) {
-            return Err(LimitsError {
-                key: "force_filter_cutoff".into(),
-                value: self.force_filter_cutoff,
-                must: format!("positive and below half the sample rate ({nyquist} Hz)"),
-            });
+            return Err(LimitsError::new(
+                "force_filter_cutoff",
+                self.force_filter_cutoff,
+                format!("positive and below half the sample rate ({nyquist} Hz)"),
+            ));
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Algorithm 1 around a backend.
+//! The layer around a backend: Algorithm 1, or the shield.
 
 use std::time::Duration;
 
@@ -8,6 +8,7 @@ use palpate_robot_io::{BackendError, FaultKind, JointCommand, RobotBackend, Robo
 use palpate_spatial::{DOF, JointVector, Pose, Twist, Wrench};
 
 use crate::limits::{LimitsError, Mode, SafetyConfig, SpeedReference, check_speed, check_wrench};
+use crate::shield::{Decision, Ledger, Proposal, Shield, Standing};
 use crate::{Excess, Refusal, Tally, Verdict};
 
 /// Everything the layers above need to know about one sample.
@@ -35,6 +36,20 @@ pub enum SafeError<E: BackendError> {
     /// A sample had a component that is not finite; the arm has been stopped.
     #[error("the robot's state is not finite: {0:?}")]
     NonFiniteState(Box<RobotState>),
+    /// Samples were implausible for too long; the arm has been stopped (shield mode).
+    #[error("the robot's samples are implausible: {0}; the arm is stopped until recover is called")]
+    Blind(crate::shield::Implausible),
+    /// The sensor may be zeroed only at rest in free air (shield mode).
+    #[error(
+        "the sensor cannot be zeroed here: the tool must rest in free air, but the contact force is {force:.2} N, \
+         the torque {torque:.3} N m; drive it clear first"
+    )]
+    NotFree {
+        /// Norm of the filtered force, N.
+        force: f64,
+        /// Norm of the filtered torque, N·m.
+        torque: f64,
+    },
     /// A command came before the first sample.
     #[error("command before the first sample: call sense first")]
     NotSensed,
@@ -48,8 +63,8 @@ impl<E: BackendError> SafeError<E> {
     pub fn fault(&self) -> Option<FaultKind> {
         match self {
             Self::Backend(e) => Some(e.kind()),
-            Self::NonFiniteState(_) => Some(FaultKind::Sensor),
-            Self::NotSensed | Self::Limits(_) => None,
+            Self::NonFiniteState(_) | Self::Blind(_) => Some(FaultKind::Sensor),
+            Self::NotFree { .. } | Self::NotSensed | Self::Limits(_) => None,
         }
     }
 }
@@ -65,7 +80,7 @@ enum Phase {
     Latched(Excess),
 }
 
-/// A backend that can be reached only through Algorithm 1.
+/// A backend that can be reached only through the layer.
 ///
 /// Lend it nothing: there is no way to get the backend back out while it can move.
 #[derive(Debug)]
@@ -81,6 +96,9 @@ pub struct Safe<B: RobotBackend> {
     /// Last accepted set-point.
     q_commanded: Option<JointVector>,
     tally: Tally,
+    /// In shield mode: it decides, and the phase above is unused.
+    shield: Option<Box<Shield>>,
+    decision: Option<Decision>,
 }
 
 impl<B: RobotBackend> Safe<B> {
@@ -98,9 +116,17 @@ impl<B: RobotBackend> Safe<B> {
         let sample_rate = 1.0 / backend.period().as_secs_f64();
         limits.validate(&chain.limits().velocity, sample_rate)?;
         let filter = LowPass::new(limits.force_filter_cutoff, sample_rate);
+        let chain = chain.with_tool(tool0_T_tool);
+        let shield = match limits.mode {
+            Mode::Shield => {
+                let dt = backend.period().as_secs_f64();
+                Some(Box::new(Shield::new(&limits, chain.clone(), &tool0_T_tool, dt)?))
+            }
+            Mode::Paper | Mode::ForceFirst => None,
+        };
         Ok(Self {
             backend,
-            chain: chain.with_tool(tool0_T_tool),
+            chain,
             tool0_T_tool,
             limits,
             filter,
@@ -108,18 +134,35 @@ impl<B: RobotBackend> Safe<B> {
             last: None,
             q_commanded: None,
             tally: Tally::default(),
+            shield,
+            decision: None,
         })
     }
 
     /// Waits for the next sample, maps it to the tool centre point and filters the wrench.
     ///
+    /// In shield mode an implausible sample is answered by the last good one, while every command becomes a
+    /// brake; only too many in a row are an error.
+    ///
     /// # Errors
-    /// A backend error, or [`SafeError::NonFiniteState`]; the arm is stopped either way.
+    /// A backend error, [`SafeError::NonFiniteState`] or [`SafeError::Blind`]; the arm is stopped either way.
     pub fn sense(&mut self) -> Result<Measurement, SafeError<B::Error>> {
         let state = match self.backend.read() {
             Ok(state) => state,
             Err(e) => return Err(self.stopped_by(e)),
         };
+        if let Some(shield) = &mut self.shield
+            && let Err(implausible) = shield.watch(&state)
+        {
+            let blind = shield.is_blind();
+            match self.last {
+                Some(last) if !blind => return Ok(last),
+                _ => {
+                    self.stop()?;
+                    return Err(SafeError::Blind(implausible));
+                }
+            }
+        }
         if !state.is_finite() {
             self.stop()?;
             return Err(SafeError::NonFiniteState(Box::new(state)));
@@ -144,9 +187,12 @@ impl<B: RobotBackend> Safe<B> {
 
     /// Algorithm 1 for one commanded tool pose x_c (lines 12–19): solve IK, check speed and force, actuate.
     ///
-    /// A refused command leaves the arm at its last set-point for this period.
+    /// A refused command leaves the arm at its last set-point for this period; in shield mode it brakes.
     pub fn command(&mut self, base_T_tool: &Pose) -> Result<Verdict, SafeError<B::Error>> {
         let last = self.last.ok_or(SafeError::NotSensed)?;
+        if self.shield.is_some() {
+            return self.shielded(&last, &Proposal::Pose(*base_T_tool));
+        }
         let seed = self.q_commanded.unwrap_or(last.state.q_target);
         self.decide(&last, |safe| {
             if !base_T_tool.to_homogeneous().iter().all(|x| x.is_finite()) {
@@ -163,6 +209,9 @@ impl<B: RobotBackend> Safe<B> {
     /// The same for joints (rad), for paths planned in joint space: finite, in range, slow enough, force in range.
     pub fn command_joints(&mut self, q: &JointVector) -> Result<Verdict, SafeError<B::Error>> {
         let last = self.last.ok_or(SafeError::NotSensed)?;
+        if self.shield.is_some() {
+            return self.shielded(&last, &Proposal::Joints(*q));
+        }
         self.decide(&last, |safe| {
             let limits = safe.chain.limits();
             for joint in 0..DOF {
@@ -181,16 +230,77 @@ impl<B: RobotBackend> Safe<B> {
     /// Drives back under the reset limits from now on; clears a latched force stop.
     pub fn begin_reset(&mut self) {
         self.phase = Phase::Reset;
+        if let Some(shield) = &mut self.shield {
+            shield.begin_reset();
+        }
     }
 
     /// Zeroes the sensor and the filter and arms the episode's limits. Call at rest in free air.
+    ///
+    /// # Errors
+    /// A backend error; in shield mode [`SafeError::NotFree`] where the tool moves or touches something.
     pub fn begin_episode(&mut self) -> Result<(), SafeError<B::Error>> {
+        self.tare()?;
+        self.phase = Phase::Episode;
+        if let Some(shield) = &mut self.shield {
+            shield.begin_episode();
+        }
+        Ok(())
+    }
+
+    /// Zeroes the sensor and the filter, as [`begin_episode`](Self::begin_episode) does, and changes no limit.
+    pub fn tare(&mut self) -> Result<(), SafeError<B::Error>> {
+        if let (Some(shield), Some(last)) = (&self.shield, &self.last)
+            && !shield.may_tare(&last.wrench)
+        {
+            let (force, torque) = (last.wrench.force.norm(), last.wrench.torque.norm());
+            return Err(SafeError::NotFree { force, torque });
+        }
         if let Err(e) = self.backend.tare() {
             return Err(self.stopped_by(e));
         }
         self.filter.reset_to(&Wrench::zero());
-        self.phase = Phase::Episode;
+        if let Some(shield) = &mut self.shield {
+            shield.tared();
+        }
         Ok(())
+    }
+
+    /// In shield mode, one period of the brake; after a force stop, of the brake, the retreat and the rest that
+    /// follow it. In the other modes the arm holds its last set-point.
+    ///
+    /// Whoever stops sending commands must call this until [`standing`](Self::standing) is at rest: silence is
+    /// a sudden stop.
+    pub fn brake(&mut self) -> Result<Verdict, SafeError<B::Error>> {
+        let last = self.last.ok_or(SafeError::NotSensed)?;
+        if self.shield.is_some() {
+            return self.shielded(&last, &Proposal::Rest);
+        }
+        self.hold(&last)?;
+        Ok(match self.phase {
+            Phase::Latched(excess) => Verdict::ForceExceeded(excess),
+            Phase::Reset | Phase::Episode => Verdict::Accepted,
+        })
+    }
+
+    /// Whether the set-point still moves. Always at rest outside shield mode, which knows no brake.
+    pub fn standing(&self) -> Standing {
+        self.shield.as_ref().map_or(Standing::AtRest, |shield| shield.standing())
+    }
+
+    /// The last verdict with the proposed and the executed joints; none outside shield mode.
+    pub fn decision(&self) -> Option<&Decision> {
+        self.decision.as_ref()
+    }
+
+    /// Every verdict other than a pass; none outside shield mode.
+    pub fn ledger(&self) -> Option<&Ledger> {
+        self.shield.as_ref().map(|shield| shield.ledger())
+    }
+
+    /// The shield, to look at.
+    pub fn shield(&self) -> Option<&Shield> {
+        self.shield.as_deref()
     }
 
     /// Brings the arm to rest; it takes no commands until [`recover`](Self::recover).
@@ -203,6 +313,12 @@ impl<B: RobotBackend> Safe<B> {
         self.backend.recover().map_err(SafeError::Backend)?;
         self.q_commanded = None;
         self.phase = Phase::Reset;
+        if let Some(shield) = &mut self.shield {
+            shield.restart();
+            shield.begin_reset();
+            // The last sample may be from before the stop.
+            self.last = None;
+        }
         Ok(())
     }
 
@@ -229,6 +345,26 @@ impl<B: RobotBackend> Safe<B> {
     /// The backend, to look at.
     pub fn backend(&self) -> &B {
         &self.backend
+    }
+
+    /// The shield's verdict, then the actuation.
+    fn shielded(
+        &mut self,
+        last: &Measurement,
+        proposal: &Proposal,
+    ) -> Result<Verdict, SafeError<B::Error>> {
+        let Some(shield) = &mut self.shield else { return Err(SafeError::NotSensed) };
+        let latched = shield.is_stopped();
+        let decision = shield.tick(last, proposal);
+        match &decision.verdict {
+            Verdict::Accepted => {}
+            Verdict::Refused(refusal) => self.tally.add(refusal),
+            Verdict::ForceExceeded(_) => self.tally.force += u64::from(!latched),
+        }
+        let (q, verdict) = (decision.executed, decision.verdict.clone());
+        self.decision = Some(decision);
+        self.write(&q)?;
+        Ok(verdict)
     }
 
     /// The checks in the configured order, then the actuation.

@@ -7,73 +7,10 @@ mod support;
 
 use std::time::{Duration, Instant};
 
-use palpate_robot_io::{BackendError, FaultKind, JointCommand, RobotBackend, RobotState};
+use palpate_robot_io::{BackendError, FaultKind, RobotBackend};
 use palpate_ur::{UrArm, UrError};
+use support::moves::{Outcome, goes_on, moving, rests, step, until_error};
 use support::{Controller, Fault};
-
-/// rad per tick: 0.5 rad/s.
-const STEP: f64 = 0.001;
-
-type Outcome = Result<(), Box<dyn std::error::Error>>;
-
-fn moving(controller: &Controller) -> Result<(UrArm, RobotState), UrError> {
-    let mut arm = UrArm::connect(controller.config())?;
-    let mut state = arm.read()?;
-    for _ in 0..30 {
-        state = step(&mut arm, &state)?;
-    }
-    controller.lock().largest_step = 0.0;
-    Ok((arm, state))
-}
-
-fn step(arm: &mut UrArm, state: &RobotState) -> Result<RobotState, UrError> {
-    let mut q = state.q_target;
-    q[5] += STEP;
-    arm.write(&JointCommand { q })?;
-    arm.read()
-}
-
-/// Moves until something fails.
-fn until_error(arm: &mut UrArm, mut state: RobotState) -> UrError {
-    for _ in 0..2000 {
-        match step(arm, &state) {
-            Ok(next) => state = next,
-            Err(error) => return error,
-        }
-    }
-    panic!("nothing failed");
-}
-
-/// The arm refuses to move, has come to rest without a jump, and stays there.
-fn rests(controller: &Controller, arm: &mut UrArm) {
-    let q = controller.lock().q;
-    let refused = arm.write(&JointCommand { q: q.into() });
-    assert!(matches!(refused, Err(UrError::Stopped)), "{refused:?}");
-    let start = controller.lock().tick;
-    controller.until(|w| w.tick > start + 60);
-    let (goal, tick) = controller.see(|w| (w.target, w.tick));
-    controller.until(|w| w.tick > tick + 60);
-    let world = controller.lock();
-    assert_eq!(world.target, goal, "the arm still moves");
-    // A busy computer may send two set-points between two cycles; a jump is more than that.
-    assert!(world.largest_step < 12.0 * STEP, "the target jumped by {} rad", world.largest_step);
-}
-
-/// After `recover` the arm waits for a command, and then follows it from where it is.
-fn goes_on(controller: &Controller, arm: &mut UrArm) -> Outcome {
-    let moved = controller.lock().moving_ticks;
-    arm.recover()?;
-    let mut state = arm.read()?;
-    for _ in 0..20 {
-        state = arm.read()?;
-    }
-    assert_eq!(controller.lock().moving_ticks, moved, "it moved without a command");
-    for _ in 0..10 {
-        state = step(arm, &state)?;
-    }
-    assert!(controller.lock().moving_ticks > moved);
-    Ok(())
-}
 
 #[test]
 fn a_cut_connection() -> Outcome {
@@ -299,92 +236,7 @@ fn nobody_there() {
     assert!(error.to_string().contains("127.0.0.1:1"), "{error}");
 }
 
-#[test]
-fn a_wrench_that_is_no_number() -> Outcome {
-    let controller = Controller::start(1.0);
-    let (mut arm, state) = moving(&controller)?;
-    controller.lock().load[2] = f64::NAN;
-    let error = until_error(&mut arm, state);
-    assert_eq!(error.kind(), FaultKind::Sensor, "{error}");
-    rests(&controller, &mut arm);
-    controller.lock().load[2] = 0.0;
-    goes_on(&controller, &mut arm)
-}
-
-#[test]
-fn the_speed_slider() -> Outcome {
-    let controller = Controller::start(1.0);
-    let (mut arm, state) = moving(&controller)?;
-    controller.lock().slider = 0.4;
-    let error = until_error(&mut arm, state);
-    assert!(error.to_string().contains("at 40 %"), "{error}");
-    rests(&controller, &mut arm);
-    controller.lock().slider = 1.0;
-    goes_on(&controller, &mut arm)
-}
-
-#[test]
-fn a_program_that_is_killed_is_loaded_again_by_recover_only() -> Outcome {
-    let controller = Controller::start(1.0);
-    let (mut arm, state) = moving(&controller)?;
-    {
-        let mut world = controller.lock();
-        world.program = None;
-        world.runtime = 1;
-    }
-    let error = until_error(&mut arm, state);
-    assert!(matches!(error, UrError::Program(_)), "{error}");
-    for _ in 0..20 {
-        let _ = arm.read();
-    }
-    assert_eq!(controller.lock().uploads, 1);
-    rests(&controller, &mut arm);
-    goes_on(&controller, &mut arm)?;
-    assert_eq!(controller.lock().uploads, 2);
-    Ok(())
-}
-
 /// Stops of the safety system: `PALPATE_UR_STOPS` of them (20 here).
-#[test]
-fn a_stop_of_the_safety_system_waits_for_a_person() -> Outcome {
-    let stops = std::env::var("PALPATE_UR_STOPS").ok().and_then(|n| n.parse().ok()).unwrap_or(20);
-    let controller = Controller::start(4.0);
-    let mut config = controller.config();
-    config.stall_ticks = 100;
-    let mut arm = UrArm::connect(config)?;
-    let operator = arm.operator();
-    for n in 0..stops {
-        let mut state = arm.read()?;
-        for _ in 0..n % 7 {
-            state = step(&mut arm, &state)?;
-        }
-        let status = [3, 5, 6, 7, 8, 9, 2, 99][n % 8];
-        controller.lock().safety = status;
-        let error = until_error(&mut arm, state);
-        assert!(matches!(error, UrError::Safety(s) if i32::from(s) == status), "{error}");
-        let moved = controller.lock().moving_ticks;
-        // Not while it lasts …
-        assert_eq!(arm.recover().unwrap_err().kind(), FaultKind::RobotState);
-        // … and not when it is over either, before a person has said so.
-        controller.lock().safety = 1;
-        let uploads = controller.lock().uploads;
-        assert!(matches!(arm.recover(), Err(UrError::NeedsOperator(_) | UrError::Safety(_))));
-        let q = arm.sample().q();
-        assert_eq!(arm.write(&JointCommand { q }).unwrap_err().kind(), FaultKind::Stopped);
-        let world = controller.lock();
-        assert_eq!((world.moving_ticks, world.uploads), (moved, uploads));
-        drop(world);
-        operator.acknowledge();
-        if let Err(error) = arm.recover() {
-            // The last samples of the stop were still on their way.
-            assert!(matches!(error, UrError::Safety(_)), "{error}");
-            operator.acknowledge();
-            arm.recover()?;
-        }
-    }
-    Ok(())
-}
-
 /// A controller that takes no bytes: writes return at once and say that they were dropped.
 #[test]
 fn writes_never_wait() -> Outcome {

@@ -19,7 +19,7 @@ pub struct Setup {
     pub timeout: Duration,
 }
 
-/// What a [`Session`] understood.
+/// What a [`Session`](super::Session) understood.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// Version 2 is spoken from here on.

@@ -4,6 +4,7 @@
 //! itself where a fault needs bytes that the protocol core would not write.
 #![expect(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
 
+pub(crate) mod moves;
 mod program;
 mod server;
 

@@ -1,0 +1,565 @@
+//! What the shield says and does, case by case.
+#![expect(clippy::unwrap_used, reason = "our own limits load")]
+
+mod support;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use palpate_kinematics::Frame;
+use palpate_robot_io::{IdealArm, IdealArmError, JointCommand, RobotBackend, RobotState};
+use palpate_safety::shield::{
+    Cause, Implausible, Obstacle, Proposal, Shield, ShieldConfig, Standing,
+};
+use palpate_safety::{Mode, Refusal, Safe, SafeError, SafetyConfig, Verdict};
+use palpate_spatial::{DOF, JointVector, Pose, Twist, Vector3, Wrench, integrate};
+use support::{DT, chain, home, preset, sample, tool0_T_tool, wide};
+
+/// A shield with an arm that follows at once.
+struct Rig {
+    shield: Shield,
+    q: JointVector,
+    time: f64,
+    wrench: Wrench,
+    /// Where the next tool command starts from.
+    reference: Pose,
+}
+
+impl Rig {
+    fn new(safety: &SafetyConfig, q: JointVector) -> Self {
+        let mut shield = Shield::new(safety, chain(), &tool0_T_tool(), DT).unwrap();
+        shield.begin_episode();
+        Self { shield, q, time: 0.0, wrench: Wrench::zero(), reference: chain().forward(&q) }
+    }
+
+    fn propose(&mut self, proposal: &Proposal) -> palpate_safety::shield::Decision {
+        self.time += DT;
+        let m = sample(&chain(), self.time, &self.q, &self.q, self.wrench);
+        let decision = self.shield.tick(&m, proposal);
+        self.q = decision.executed;
+        decision
+    }
+
+    /// One tick of a tool velocity.
+    fn twist(&mut self, v: Vector3) -> palpate_safety::shield::Decision {
+        let twist = Twist::new(v, Vector3::zeros());
+        let next = integrate(&self.reference, &twist, DT);
+        let decision = self.propose(&Proposal::Pose(next));
+        let accepted = decision.verdict == Verdict::Accepted;
+        let here = if accepted { next } else { self.reference };
+        self.reference = decision.governed.unwrap_or(here);
+        decision
+    }
+
+    fn moving(&mut self) -> f64 {
+        for _ in 0..100 {
+            let _ = self.twist(Vector3::new(0.0, 0.0, 0.05));
+        }
+        self.shield.motion().unwrap().v.norm()
+    }
+}
+
+#[test]
+fn a_smooth_command_passes_unchanged_and_leaves_no_trace_in_the_ledger() {
+    let mut rig = Rig::new(&preset(), home());
+    let mut pose = chain().forward(&home());
+    for tick in 1..=100 {
+        // 1 − cos: starts without a jerk that needs shaping.
+        let speed = 0.02 * (1.0 - (f64::from(tick) * 0.02).cos());
+        pose.translation.z += speed * DT;
+        let decision = rig.propose(&Proposal::Pose(pose));
+        assert_eq!(
+            (decision.verdict, decision.cause, decision.governed),
+            (Verdict::Accepted, None, None)
+        );
+        assert_eq!(Some(decision.executed), decision.proposed);
+        assert!(
+            (chain().forward(&rig.q).translation.vector - pose.translation.vector).norm() < 1e-6
+        );
+    }
+    assert!(rig.shield.ledger().counts().iter().all(|(_, n)| n == 0));
+}
+
+#[test]
+fn a_step_in_speed_is_shaped_without_leaving_its_line() {
+    let mut rig = Rig::new(&preset(), home());
+    let start = chain().forward(&home()).translation.vector;
+    let mut causes = Vec::new();
+    for _ in 0..400 {
+        causes.push(rig.twist(Vector3::new(0.02, 0.01, 0.03)).cause);
+        let way = chain().forward(&rig.q).translation.vector - start;
+        let along = Vector3::new(0.02, 0.01, 0.03).normalize();
+        assert!((way - along * way.dot(&along)).norm() < 2e-5, "{way:?}");
+    }
+    assert_eq!(causes[0], Some(Cause::Shaped));
+    assert_eq!(causes[399], None, "at full speed");
+    let way = (chain().forward(&rig.q).translation.vector - start).norm();
+    assert!(way > 0.8 * 0.0374 * 400.0 * DT, "{way}");
+}
+
+#[test]
+fn a_path_of_joints_is_caught_up_with() {
+    let mut rig = Rig::new(&preset(), home());
+    let (mut path, mut points) = (home(), 0);
+    while points < 300 {
+        // A timed path waits while it is slowed.
+        let decision = rig.propose(&Proposal::Joints(path));
+        assert_eq!(decision.verdict, Verdict::Accepted);
+        if !decision.cause.is_some_and(Cause::is_slowed) {
+            path += JointVector::from([0.3, -0.1, 0.2, 0.0, 0.1, -0.5]) * DT;
+            points += 1;
+        }
+    }
+    for _ in 0..300 {
+        let _ = rig.propose(&Proposal::Joints(path));
+    }
+    assert!((rig.q - path).amax() < 1e-9, "{}", (rig.q - path).amax());
+    assert_eq!(rig.shield.standing(), Standing::AtRest);
+}
+
+#[test]
+fn a_refused_command_becomes_a_brake_and_not_a_frozen_set_point() {
+    let mut rig = Rig::new(&preset(), home());
+    let before = rig.moving();
+    let mut far = chain().forward(&home());
+    far.translation.x += 5.0;
+    let decision = rig.propose(&Proposal::Pose(far));
+    assert!(matches!(decision.verdict, Verdict::Refused(Refusal::ToolJump { .. })), "{decision:?}");
+    let first = rig.shield.motion().unwrap().v.norm();
+    assert!(first > 0.5 * before, "a frozen set-point would be a stop within one tick");
+    let mut ticks = 1;
+    while rig.shield.standing() != Standing::AtRest {
+        let _ = rig.propose(&Proposal::Pose(far));
+        ticks += 1;
+        assert!(ticks < 100);
+    }
+    assert!(ticks > 5);
+    assert!(decision.governed.is_some(), "the next command should start where the arm is");
+    let entry = rig.shield.ledger().entries().last().unwrap();
+    assert_eq!((entry.cause, entry.executed), (Cause::Branch, rig.q));
+}
+
+#[test]
+fn the_tool_stays_in_its_box_and_may_leave_the_wall() {
+    let mut rig = Rig::new(&preset(), home());
+    let mut slowed = 0;
+    for _ in 0..3000 {
+        let decision = rig.twist(Vector3::new(0.1, 0.0, 0.0));
+        assert_eq!(decision.verdict, Verdict::Accepted, "it settles before the wall");
+        slowed += u32::from(decision.cause == Some(Cause::SlowedByObstacle));
+    }
+    let reached = chain().forward(&rig.q).translation.vector;
+    let x = reached.x;
+    assert!(slowed > 1000 && x <= 0.43 && x > 0.429, "{slowed} times, {x}");
+    let start = chain().forward(&home()).translation.vector;
+    assert!((reached - start).yz().norm() < 1e-3, "straight ahead: {reached} from {start}");
+    for _ in 0..500 {
+        let _ = rig.twist(Vector3::new(-0.05, 0.0, 0.0));
+    }
+    assert!(chain().forward(&rig.q).translation.x < x - 0.035);
+    // Along the wall it is as free as anywhere.
+    let before = chain().forward(&rig.q).translation.y;
+    for _ in 0..500 {
+        let _ = rig.twist(Vector3::new(0.0, -0.05, 0.0));
+    }
+    assert!(chain().forward(&rig.q).translation.y < before - 0.035);
+}
+
+#[test]
+fn an_arm_that_starts_outside_its_box_may_come_in_but_not_go_farther_out() {
+    let mut safety = preset();
+    safety.shield.as_mut().unwrap().workspace.max.z = 0.14;
+    let mut rig = Rig::new(&safety, home());
+    let start = chain().forward(&home()).translation.z;
+    assert!(start > 0.141);
+    for _ in 0..200 {
+        let _ = rig.twist(Vector3::new(0.0, 0.0, 0.02));
+    }
+    assert!(chain().forward(&rig.q).translation.z <= start + 1e-9);
+    for _ in 0..200 {
+        let _ = rig.twist(Vector3::new(0.0, 0.0, -0.02));
+    }
+    assert!(chain().forward(&rig.q).translation.z < start - 0.003);
+}
+
+/// |det J| at a configuration.
+fn manipulability(q: &JointVector) -> f64 {
+    chain().kinematics(q).jacobian(Frame::BaseAligned).determinant().abs()
+}
+
+#[test]
+fn the_way_to_a_singularity_slows_down_and_the_way_out_does_not() {
+    let mut safety = wide();
+    let shield = safety.shield.as_mut().unwrap();
+    (shield.workspace.min, shield.workspace.max) = (Vector3::repeat(-1.0), Vector3::repeat(1.0));
+    let stop = safety.shield.as_ref().unwrap().singularity.stop_below;
+    let mut rig = Rig::new(&safety, home());
+    // Up and out until the elbow is nearly straight.
+    let out = Vector3::new(0.05, 0.0, 0.04);
+    let mut slowed = 0;
+    for _ in 0..6000 {
+        slowed += u32::from(rig.twist(out).cause == Some(Cause::SlowedBySingularity));
+    }
+    let near = manipulability(&rig.q);
+    assert!(slowed > 20 && near < 3.0 * stop && near > 0.5 * stop, "{slowed} times, {near:.2e}");
+    let here = chain().forward(&rig.q).translation.vector;
+    for _ in 0..1000 {
+        assert_ne!(rig.twist(-out).cause, Some(Cause::SlowedBySingularity));
+    }
+    let back = chain().forward(&rig.q).translation.vector;
+    assert!((back - here).norm() > 0.08, "it left at full speed: {} m", (back - here).norm());
+}
+
+#[test]
+fn a_branch_flip_is_refused() {
+    let mut rig = Rig::new(&wide(), home());
+    let mut flipped = home();
+    flipped[3] += std::f64::consts::PI;
+    flipped[4] *= -1.0;
+    flipped[5] += std::f64::consts::PI;
+    let decision = rig.propose(&Proposal::Joints(flipped));
+    assert!(
+        matches!(decision.verdict, Verdict::Refused(Refusal::Jump { joint: 3, .. })),
+        "{decision:?}"
+    );
+    // The same tool pose half a turn away can be reached only by a jump.
+    let mut turned = chain().forward(&home());
+    turned.rotation *= palpate_spatial::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.0);
+    let decision = rig.propose(&Proposal::Pose(turned));
+    assert!(matches!(decision.cause, Some(Cause::Branch | Cause::NoIk)), "{decision:?}");
+    assert_eq!(rig.q, home());
+}
+
+#[test]
+fn a_joint_that_does_not_follow_makes_the_arm_brake() {
+    let mut rig = Rig::new(&preset(), home());
+    let _ = rig.moving();
+    let mut behind = rig.q;
+    behind[2] -= 0.11;
+    let m = sample(&chain(), 9.0, &behind, &rig.q, Wrench::zero());
+    let decision = rig.shield.tick(&m, &Proposal::Joints(rig.q));
+    assert!(
+        matches!(decision.verdict, Verdict::Refused(Refusal::Tracking { joint: 2, .. })),
+        "{decision:?}"
+    );
+}
+
+#[test]
+fn a_force_that_rises_too_fast_brakes_before_it_is_there() {
+    let mut rig = Rig::new(&preset(), home());
+    let _ = rig.moving();
+    // Slowly up to 10 N, then by 1.5 N in one tick: 10 ticks ahead that is 11.5 N + 10 · 1.5 N.
+    while rig.wrench.force.z < 10.0 {
+        rig.wrench.force.z += 0.1;
+        let verdict = rig.twist(Vector3::new(0.0, 0.0, 0.01)).verdict;
+        assert_eq!(verdict, Verdict::Accepted);
+    }
+    rig.wrench.force.z += 1.5;
+    let decision = rig.twist(Vector3::new(0.0, 0.0, 0.01));
+    assert!(
+        matches!(decision.verdict, Verdict::Refused(Refusal::ForceRising(e)) if e.axis == 2),
+        "{decision:?}"
+    );
+    let decision = rig.twist(Vector3::new(0.0, 0.0, 0.01));
+    assert_eq!(decision.verdict, Verdict::Accepted, "11.5 N and steady is no reason to stop");
+}
+
+/// An ideal arm that answers with what the test wants to see.
+type Script = Rc<RefCell<dyn FnMut(&mut RobotState)>>;
+
+struct Scripted(IdealArm, Script);
+
+impl RobotBackend for Scripted {
+    type Error = IdealArmError;
+    fn period(&self) -> std::time::Duration {
+        self.0.period()
+    }
+    fn read(&mut self) -> Result<RobotState, Self::Error> {
+        let mut state = self.0.read()?;
+        (self.1.borrow_mut())(&mut state);
+        Ok(state)
+    }
+    fn write(&mut self, command: &JointCommand) -> Result<(), Self::Error> {
+        self.0.write(command)
+    }
+    fn stop(&mut self) -> Result<(), Self::Error> {
+        self.0.stop()
+    }
+    fn recover(&mut self) -> Result<(), Self::Error> {
+        self.0.recover()
+    }
+    fn tare(&mut self) -> Result<(), Self::Error> {
+        Ok(())
+    }
+}
+
+fn scripted(script: impl FnMut(&mut RobotState) + 'static) -> Safe<Scripted> {
+    let arm = Scripted(IdealArm::at(home()), Rc::new(RefCell::new(script)));
+    Safe::new(arm, support::arm(), tool0_T_tool(), preset()).unwrap()
+}
+
+/// The same, in an episode.
+fn in_episode(script: impl FnMut(&mut RobotState) + 'static) -> Safe<Scripted> {
+    let mut robot = scripted(script);
+    robot.sense().unwrap();
+    robot.begin_episode().unwrap();
+    robot
+}
+
+/// Moves up for `ticks` and returns the verdicts.
+fn moved_up(robot: &mut Safe<Scripted>, ticks: u32) -> Vec<Verdict> {
+    let mut reference = chain().forward(&home());
+    let verdicts = (0..ticks).map(|_| {
+        robot.sense().unwrap();
+        reference.translation.z += 0.02 * DT;
+        robot.command(&reference).unwrap()
+    });
+    verdicts.collect()
+}
+
+#[test]
+fn bad_samples_brake_the_arm_and_a_few_of_them_are_survived() {
+    type Fault = fn(&mut RobotState);
+    let faults: [(&str, Fault); 4] = [
+        ("not finite", |s| s.sensor_wrench.force.x = f64::NAN),
+        ("stale", |s| s.time = 0.0),
+        ("saturated", |s| s.sensor_wrench.torque.z = 15.0),
+        ("joint jump", |s| s.q[1] += 0.5),
+    ];
+    for (name, fault) in faults {
+        let mut tick = 0;
+        let mut robot = scripted(move |state| {
+            tick += 1;
+            if (60..65).contains(&tick) {
+                fault(state);
+            }
+        });
+        let verdicts = moved_up(&mut robot, 100);
+        assert!(verdicts[..59].iter().all(|v| *v == Verdict::Accepted), "{name}");
+        assert!(
+            matches!(verdicts[59], Verdict::Refused(Refusal::Implausible(_))),
+            "{name}: {:?}",
+            verdicts[59]
+        );
+        assert_eq!(verdicts[99], Verdict::Accepted, "{name}: over");
+        assert!(robot.ledger().unwrap().counts().of(Cause::Implausible) >= 1);
+        assert!(robot.tally().shield >= 1);
+    }
+}
+
+/// One sample that cannot be: braked for, not counted as a contact.
+#[test]
+fn a_spike_of_one_sample_is_no_force_stop() {
+    for spike in [60.0, 39.0] {
+        let mut tick = 0;
+        let mut robot = in_episode(move |state| {
+            tick += 1;
+            state.sensor_wrench.force.z = if tick == 61 { spike } else { 0.0 };
+        });
+        let verdicts = moved_up(&mut robot, 100);
+        assert!(
+            verdicts.iter().all(|v| !matches!(v, Verdict::ForceExceeded(_))),
+            "{spike} N: {verdicts:?}"
+        );
+        assert!(matches!(verdicts[59], Verdict::Refused(_)), "{spike} N: {:?}", verdicts[59]);
+        assert_eq!(verdicts[99], Verdict::Accepted);
+    }
+}
+
+#[test]
+fn too_many_bad_samples_in_a_row_are_an_error_and_stop_the_arm() {
+    let mut tick = 0;
+    let mut robot = scripted(move |state| {
+        tick += 1;
+        if tick > 10 {
+            state.dq[3] = f64::INFINITY;
+        }
+    });
+    let mut seen = 0;
+    let error = loop {
+        match robot.sense() {
+            Ok(_) => {
+                seen += 1;
+                let _ = robot.brake().unwrap();
+            }
+            Err(e) => break e,
+        }
+        assert!(seen < 100);
+    };
+    assert_eq!(seen, 10 + 24, "25 in a row");
+    assert!(matches!(error, SafeError::Blind(Implausible::NonFinite)));
+    assert!(robot.brake().is_err(), "the backend is stopped");
+    robot.recover().unwrap();
+}
+
+#[test]
+fn the_sensor_is_not_zeroed_in_contact_or_on_the_way() {
+    let mut robot = scripted(|state| state.sensor_wrench.force.z = 8.0);
+    for _ in 0..50 {
+        robot.sense().unwrap();
+    }
+    let error = robot.begin_episode().unwrap_err();
+    assert!(
+        matches!(error, SafeError::NotFree { force, .. } if (force - 8.0).abs() < 0.1),
+        "{error}"
+    );
+    let mut robot = scripted(|_| {});
+    let _ = moved_up(&mut robot, 50);
+    assert!(matches!(robot.begin_episode(), Err(SafeError::NotFree { .. })), "moving");
+    while robot.standing() != Standing::AtRest {
+        let _ = robot.brake().unwrap();
+        robot.sense().unwrap();
+    }
+    robot.begin_episode().unwrap();
+}
+
+/// What is said about a configuration with one change.
+fn refused(change: impl Fn(&mut SafetyConfig, &mut ShieldConfig)) -> String {
+    let mut safety = preset();
+    let mut shield = safety.shield.take().unwrap();
+    change(&mut safety, &mut shield);
+    safety.shield = Some(shield);
+    Shield::new(&safety, chain(), &tool0_T_tool(), DT).map(|_| ()).unwrap_err().to_string()
+}
+
+#[test]
+fn limits_that_contradict_each_other_are_refused_by_name() {
+    type Change = fn(&mut SafetyConfig, &mut ShieldConfig);
+    let cases: [(&str, Change); 18] = [
+        ("joint_acceleration_max[1]", |_, s| s.joint_acceleration_max[1] = 5.0),
+        ("joint_acceleration_max[0]", |_, s| s.joint_acceleration_max[0] = f64::NAN),
+        ("joint_jerk_max[5]", |_, s| s.joint_jerk_max[5] = 0.0),
+        ("branch_step_max", |_, s| s.branch_step_max = 0.001),
+        ("joint_margin", |_, s| s.joint_margin = 4.0),
+        ("workspace.min[2]", |_, s| s.workspace.min.z = 0.5),
+        ("workspace.min[0]", |_, s| (s.workspace.min.x, s.workspace.max.x) = (2.0, 3.0)),
+        ("planes[1].normal", |_, s| s.planes[1].normal.z = 2.0),
+        ("planes[0].capsules", |_, s| s.planes[0].capsules.clear()),
+        ("force.force_norm_max", |_, s| s.force.force_norm_max = 20.0),
+        ("force.torque_norm_max", |_, s| s.force.torque_norm_max = 4.0),
+        ("force.force_hard_max", |_, s| s.force.force_hard_max = 50.0),
+        ("sensor.force_range", |_, s| s.sensor.force_range = 30.0),
+        ("force.reaction_time", |_, s| s.force.reaction_time = 0.001),
+        ("force.stiffness", |_, s| s.force.stiffness = 1e7),
+        ("singularity.stop_below", |_, s| s.singularity.stop_below = 1.0),
+        ("sensor.gap_max", |_, s| s.sensor.gap_max = 0.001),
+        ("recovery.tries", |_, s| s.recovery.tries = 0),
+    ];
+    for (key, change) in cases {
+        let said = refused(change);
+        assert!(said.starts_with(&format!("safety.shield.{key} is ")), "{key}: {said}");
+        assert!(said.contains("must be"), "{said}");
+    }
+    let unknown = refused(|_, s| s.planes[1].capsules = vec!["elbow".into()]);
+    assert!(unknown.contains("no capsule `elbow`") && unknown.contains("forearm"), "{unknown}");
+    let nowhere = refused(|_, s| s.shape = "ur4".into());
+    assert!(nowhere.contains("ur3e, ur5e, ur10e"), "{nowhere}");
+}
+
+#[test]
+fn the_mode_needs_its_section_and_the_section_needs_every_key_and_no_other() {
+    let safety = SafetyConfig { shield: None, ..preset() };
+    let missing = Safe::new(IdealArm::at(home()), support::arm(), tool0_T_tool(), safety)
+        .map(|_| ())
+        .unwrap_err();
+    assert!(missing.to_string().contains("safety.shield is missing"), "{missing}");
+    let whole = toml::Table::try_from(preset().shield.unwrap()).unwrap();
+    for key in whole.keys() {
+        let mut part = whole.clone();
+        part.remove(key);
+        let error = part.try_into::<ShieldConfig>().unwrap_err().to_string();
+        assert!(error.contains(key.as_str()), "{key}: {error}");
+    }
+    let mut more = whole;
+    more.insert("spede".into(), 1.0.into());
+    assert!(more.try_into::<ShieldConfig>().is_err());
+}
+
+#[test]
+fn the_built_in_shapes_clear_themselves_at_home_and_collide_when_folded() {
+    for (name, urdf) in [("ur3e", "ur3e"), ("ur5e", "ur5e"), ("ur10e", "ur10e")] {
+        let file = format!("{}/../../assets/robots/{urdf}.urdf", env!("CARGO_MANIFEST_DIR"));
+        let chain =
+            palpate_kinematics::SerialChain::<DOF>::from_urdf_file(file, "base_link", "tool0")
+                .unwrap()
+                .with_tool(tool0_T_tool());
+        let mut safety = wide();
+        safety.joint_velocity_max = JointVector::from_element(2.0);
+        let config = safety.shield.as_mut().unwrap();
+        config.shape = name.into();
+        (config.workspace.min, config.workspace.max) =
+            (Vector3::repeat(-2.0), Vector3::repeat(2.0));
+        config.planes.clear();
+        let shield = Shield::new(&safety, chain.clone(), &tool0_T_tool(), DT).unwrap();
+        let clear = |q: JointVector| shield.geometry().clearance(&chain, &q);
+        assert!(clear(home()).distance > 0.02, "{name}: {:?}", clear(home()));
+        let mut folded = home();
+        folded[2] = 3.0;
+        let folded = clear(folded);
+        assert!(
+            folded.distance < 0.0 && matches!(folded.obstacle, Obstacle::Pair(..)),
+            "{name}: {folded:?}"
+        );
+    }
+}
+
+#[test]
+fn no_tick_allocates() {
+    let mut rig = Rig::new(&preset(), home());
+    let _ = rig.moving();
+    let up = chain().forward(&rig.q);
+    let mut far = up;
+    far.translation.x += 3.0;
+    let mut wall = home();
+    wall[0] += 0.05;
+    let nan = Pose::from_parts(Vector3::repeat(f64::NAN).into(), up.rotation);
+    let allocations = allocation_counter::measure(|| {
+        for tick in 0..6000 {
+            let proposal = match tick % 600 {
+                0..200 => Proposal::Pose(integrate(
+                    &up,
+                    &Twist::new(Vector3::new(0.1, 0.02, 0.0), Vector3::zeros()),
+                    f64::from(tick % 200) * DT,
+                )),
+                200..300 => Proposal::Pose(far),
+                300..400 => Proposal::Joints(wall),
+                400..450 => Proposal::Pose(nan),
+                _ => Proposal::Rest,
+            };
+            rig.wrench.force.x = if tick == 3000 { 95.0 } else { 0.0 };
+            // The sample of tick 1000 comes late.
+            let time = f64::from(tick) * DT + if tick >= 1000 { 0.1 } else { 0.0 };
+            let m = palpate_safety::Measurement {
+                state: RobotState {
+                    time,
+                    q: rig.q,
+                    dq: JointVector::zeros(),
+                    q_target: rig.q,
+                    sensor_wrench: rig.wrench,
+                },
+                base_T_tool: up,
+                tool_twist: Twist::zero(),
+                wrench: rig.wrench,
+                raw_wrench: rig.wrench,
+            };
+            let _ = rig.shield.watch(&m.state);
+            rig.q = rig.shield.tick(&m, &proposal).executed;
+            if tick == 4000 {
+                rig.shield.begin_reset();
+            }
+        }
+    });
+    assert_eq!(allocations.count_total, 0);
+    let counts = rig.shield.ledger().counts();
+    for cause in [
+        Cause::Branch,
+        Cause::NonFinite,
+        Cause::Stopped,
+        Cause::ForceHard,
+        Cause::Shaped,
+        Cause::Implausible,
+    ] {
+        assert!(counts.of(cause) > 0, "{cause:?} did not happen");
+    }
+    assert_eq!(preset().mode, Mode::Shield);
+}
