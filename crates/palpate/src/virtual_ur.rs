@@ -13,6 +13,9 @@ use crate::config::{Choice, Config, DRIVE_LAG};
 use crate::interrupt;
 use crate::stack::chain;
 
+/// Its priority under SCHED_FIFO, where permitted: below a client's.
+const PRIORITY: u8 = 70;
+
 /// Where it listens and what goes wrong.
 #[derive(Clone, Debug)]
 pub struct Setup {
@@ -33,6 +36,8 @@ pub fn command(choice: &Choice, setup: Setup) -> anyhow::Result<()> {
         _ = out.flush();
     };
     say("a virtual UR: no arm moves. Ctrl-C ends it");
+    // A real controller has a processor to itself.
+    say(&palpate_ur::realtime(PRIORITY, false).to_string());
     let pace = run(options, Box::new(plant), interrupt::flag(), &mut say)?;
     say(&format!(
         "{} control cycles; {} of them began more than 2 ms late, the latest by {:.1} ms",

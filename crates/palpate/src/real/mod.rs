@@ -44,7 +44,7 @@ impl FromStr for Address {
     fn from_str(text: &str) -> Result<Self, String> {
         let (host, port) = match text.rsplit_once(':') {
             Some((host, port)) => {
-                (host, Some(port.parse().map_err(|_| format!("{port:?} is no port number"))?))
+                (host, Some(port.parse().map_err(|e| format!("port {port:?}: {e}"))?))
             }
             None => (text, None),
         };
@@ -118,12 +118,12 @@ fn settings(config: &Config) -> anyhow::Result<&UrConfig> {
 fn limits(config: &Config) -> anyhow::Result<String> {
     let ur = settings(config)?;
     let (safety, task) = (toml::to_string(&config.safety)?, &config.task);
-    let lines = |text: &str| text.lines().map(|l| format!("  {l}\n")).collect::<String>();
+    let indented = safety.trim_end().replace('\n', "\n  ");
     Ok(format!(
-        "limits of the fail-safe layer ([safety]):\n{}way back to the start: {} m/s, {} rad/s, tool lifted to {} m above the mouth\n\
+        "limits of the fail-safe layer ([safety]):\n  {}\nway back to the start: {} m/s, {} rad/s, tool lifted to {} m above the mouth\n\
          arm {}: a stalled link brakes it after {} cycles at {} rad/s²\n\
          task {}: hole at {:?} m in base_link, start near joints {:.3?} rad",
-        lines(&safety),
+        indented,
         config.env.reset.linear_speed,
         config.env.reset.joint_speed,
         config.env.reset.clearance,

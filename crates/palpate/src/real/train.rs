@@ -53,14 +53,15 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
     if !permitted(&config, what.yes, what.dry_run)? {
         return Ok(());
     }
-    let dir = match dir {
-        Some(dir) => dir,
-        None => create(&config, what.out.as_deref())?,
-    };
     let exchange = Exchange::default();
     let seed = stream(config.run.seed, Purpose::Explore);
     let actor = Actor::learned(agent.policy(), Some(seed));
     let arm = connect(&config, actor, exchange.clone())?;
+    // Not before there is an arm, or a folder without a run would stay.
+    let dir = match dir {
+        Some(dir) => dir,
+        None => create(&config, what.out.as_deref())?,
+    };
     let mut pupil = Pupil::new(config, dir, agent, progress, "train-real --rtde ADDRESS")?;
     pupil.console.note(&format!("control thread: {}", arm.realtime));
     run(RealTime::new(arm, exchange), pupil)

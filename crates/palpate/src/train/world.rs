@@ -64,8 +64,8 @@ impl<R: Guarded> World for Lockstep<R> {
     /// Deterministic episodes on the same starts every time.
     fn evaluate(&mut self, pupil: &Pupil) -> anyhow::Result<Option<Evaluation>> {
         let (config, agent) = (&pupil.config, &pupil.agent);
-        let gamma = f64::from(config.sac.gamma);
-        let scale = f64::from(config.sac.reward_scale);
+        let gamma = config.sac.gamma;
+        let scale = config.sac.reward_scale;
         let mut actor = Actor::learned(agent.policy(), None);
         let (mut summaries, mut gap) = (Vec::<Summary>::new(), 0.0);
         for episode in 0..config.run.evaluate_episodes {
