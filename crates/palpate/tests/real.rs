@@ -137,8 +137,8 @@ fn ctrl_c_brakes_and_saves() -> Outcome {
     let (robot, folder) = (robot(|_| {}), tempfile::tempdir()?);
     let out = folder.path().join("run");
     let child = under_way(&robot, &out);
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status()?;
-    assert!(sent.success());
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(sent.is_ok_and(|s| s.success()));
     let said = child.wait_with_output()?;
     assert!(said.status.success(), "{}", text(&said));
     assert!(text(&said).contains("train-real --rtde ADDRESS --resume"), "{}", text(&said));
@@ -208,6 +208,7 @@ fn the_doctor_finds_what_is_wrong_and_moves_nothing() -> Outcome {
         // 1 cm in the forearm: another arm.
         options.controller.calibration.a[2] = 0.01;
     });
+    ill.inject(Fault::Slider(0.5));
     let said = palpate(&ill, &["doctor", "--json"]).output()?;
     assert!(!said.status.success(), "{}", text(&said));
     let report: serde_json::Value = serde_json::from_slice(&said.stdout)?;
@@ -220,6 +221,7 @@ fn the_doctor_finds_what_is_wrong_and_moves_nothing() -> Outcome {
     for (check, expected) in [
         ("robot mode", "ok"),
         ("remote control", "fail"),
+        ("speed slider", "fail"),
         ("payload", "warn"),
         ("kinematics", "fail"),
         ("tool centre", "warn"),

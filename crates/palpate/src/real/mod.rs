@@ -16,7 +16,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use anyhow::{Context as _, bail};
 use palpate_env::Env;
-use palpate_safety::Safe;
+use palpate_safety::{Mode, Safe};
 use palpate_ur::{LinkStats, Operator, UrArm, UrConfig};
 
 pub use policy::{PolicyRun, run_policy};
@@ -117,7 +117,12 @@ fn settings(config: &Config) -> anyhow::Result<&UrConfig> {
 /// What a person has to know before the arm moves.
 fn limits(config: &Config) -> anyhow::Result<String> {
     let ur = settings(config)?;
-    let (safety, task) = (toml::to_string(&config.safety)?, &config.task);
+    let task = &config.task;
+    let mut safety = toml::Table::try_from(&config.safety)?;
+    if config.safety.mode != Mode::Shield {
+        safety.remove("shield");
+    }
+    let safety = toml::to_string(&safety)?;
     let indented = safety.trim_end().replace('\n', "\n  ");
     Ok(format!(
         "limits of the fail-safe layer ([safety]):\n  {}\nway back to the start: {} m/s, {} rad/s, tool lifted to {} m above the mouth\n\

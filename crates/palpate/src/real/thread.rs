@@ -20,6 +20,11 @@ use crate::baselines::Actor;
 /// Pause between two looks at an arm that has stopped.
 const REST: Duration = Duration::from_millis(1);
 
+/// Joints slower than this stand, rad/s.
+const AT_REST: f64 = 0.01;
+/// Control periods that braking may take: 1 s; from 2π rad/s at 10 rad/s² it takes 0.63 s.
+const TICKS_TO_REST: u32 = 500;
+
 /// What the control thread is asked for.
 #[derive(Debug)]
 pub(super) enum Order {
@@ -171,16 +176,26 @@ impl<R: Guarded> Pilot<R> {
                     continue;
                 }
                 Err(TryRecvError::Empty) => self.env.hold().map(|_| ()),
-                Ok(Order::End) | Err(TryRecvError::Disconnected) => {
-                    _ = self.env.stop();
-                    return;
-                }
+                Ok(Order::End) | Err(TryRecvError::Disconnected) => return self.rest(),
             };
             stopped = done.is_err();
             if let Err(error) = done {
                 // Also where the arm is whole and only the way was blocked.
                 _ = self.env.stop();
                 self.say(News::Fault(fault::<R>(&error)));
+            }
+        }
+    }
+
+    /// Stops the arm and watches until it stands.
+    fn rest(&mut self) {
+        _ = self.env.stop();
+        for _ in 0..TICKS_TO_REST {
+            match self.env.hold() {
+                Ok(m) if m.state.dq.amax() < AT_REST => return,
+                Ok(_) => {}
+                // Nothing can be seen any more; the arm's own program stops it.
+                Err(_) => return,
             }
         }
     }
