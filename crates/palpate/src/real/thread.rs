@@ -240,3 +240,112 @@ fn fault<R: Guarded>(error: &EnvError<R::Error>) -> Fault {
     };
     Fault { text: error.to_string(), kind }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::time::Instant;
+
+    use palpate_robot_io::{IdealArm, IdealArmError, JointCommand, RobotBackend, RobotState};
+    use palpate_sac::Sac;
+
+    use crate::Config;
+    use crate::config::Choice;
+    use crate::stack::{self, Purpose};
+
+    fn config() -> Config {
+        let set = ["sac.hidden=[8]", "env.max_steps=12"].map(String::from).to_vec();
+        let (preset, task, model) = ("palpate".into(), "peg-insertion".into(), "P-14".into());
+        Config::load(&Choice { preset, task, model, file: None, set }).unwrap()
+    }
+
+    fn policy(seed: u64) -> Policy {
+        Sac::new(&config().sac, 18, 14, seed).unwrap().policy()
+    }
+
+    fn mean(policy: &mut Policy) -> Vec<f32> {
+        let mut action = vec![0.0; policy.action_dim()];
+        policy.mean(&[0.1; 18], &mut action);
+        action
+    }
+
+    #[test]
+    fn the_arm_takes_the_newest_policy_once_and_never_waits() {
+        let (exchange, mut acting) = (Exchange::default(), policy(1));
+        exchange.take(&mut acting);
+        assert_eq!(mean(&mut acting), mean(&mut policy(1)), "nothing was offered");
+        exchange.offer(policy(2));
+        exchange.offer(policy(3));
+        {
+            let _learner = exchange.0.lock();
+            exchange.take(&mut acting);
+            assert_eq!(mean(&mut acting), mean(&mut policy(1)), "the learner has its hand on it");
+        }
+        exchange.take(&mut acting);
+        assert_eq!(mean(&mut acting), mean(&mut policy(3)));
+        exchange.take(&mut acting);
+        assert_eq!(mean(&mut acting), mean(&mut policy(3)), "an old one came back");
+    }
+
+    /// An ideal arm in real time that counts its reads.
+    struct Paced {
+        arm: IdealArm,
+        next: Instant,
+        reads: Arc<AtomicU64>,
+    }
+
+    impl RobotBackend for Paced {
+        type Error = IdealArmError;
+        fn period(&self) -> Duration {
+            self.arm.period()
+        }
+        fn read(&mut self) -> Result<RobotState, IdealArmError> {
+            std::thread::sleep(self.next.saturating_duration_since(Instant::now()));
+            self.next = Instant::now() + self.period();
+            self.reads.fetch_add(1, Ordering::Relaxed);
+            self.arm.read()
+        }
+        fn write(&mut self, command: &JointCommand) -> Result<(), IdealArmError> {
+            self.arm.write(command)
+        }
+        fn stop(&mut self) -> Result<(), IdealArmError> {
+            self.arm.stop()
+        }
+        fn recover(&mut self) -> Result<(), IdealArmError> {
+            self.arm.recover()
+        }
+        fn tare(&mut self) -> Result<(), IdealArmError> {
+            self.arm.tare()
+        }
+    }
+
+    #[test]
+    fn an_episode_needs_no_learner_and_the_arm_is_held_after_it() {
+        let reads = Arc::new(AtomicU64::new(0));
+        let count = Arc::clone(&reads);
+        let build = move || {
+            let config = config();
+            let arm =
+                Paced { arm: IdealArm::at(config.task.q_home), next: Instant::now(), reads: count };
+            stack::env(&config, stack::chain(&config.robot)?, arm, 1, Purpose::Train)
+        };
+        let actor = Actor::learned(policy(1), Some(1));
+        let exchange = Exchange::default();
+        // A learner that died with its hand on the slot.
+        let held = exchange.clone();
+        let _hand = held.0.lock();
+        let control = Control::start(build, actor, exchange.clone(), 12, |_| {}).unwrap();
+        assert!(matches!(control.news.recv().unwrap(), News::Ready));
+        control.orders.send(Order::Episode(0)).unwrap();
+        // Nobody listens for longer than the way and the episode take.
+        std::thread::sleep(Duration::from_secs(4));
+        let before = reads.load(Ordering::Relaxed);
+        std::thread::sleep(Duration::from_millis(500));
+        assert!(reads.load(Ordering::Relaxed) > before + 50, "the arm is not read any more");
+        let steps: Vec<_> = control.news.try_iter().collect();
+        assert_eq!(steps.len(), 12, "{steps:?}");
+        let over = |news: &News| matches!(news, News::Step(x) if x.step.summary.is_some());
+        assert!(over(&steps[11]) && !steps[..11].iter().any(over), "{steps:?}");
+    }
+}
