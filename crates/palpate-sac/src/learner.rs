@@ -172,7 +172,7 @@ impl Learner {
 
         let raw = self.actor.call(None, &batch.observation, Flow::Parameters)?;
         let (action, log_probability) = squash(self.ops, self.bounds, &raw, &batch.actor_noise)?;
-        let q = self.lower(&self.critics, &batch.observation, &action, Flow::Input)?;
+        let q = Self::lower(&self.critics, &batch.observation, &action, Flow::Input)?;
         let loss = ((&log_probability * f64::from(stats.alpha))? - q)?.mean_all()?;
         stats.actor_loss = finite("actor loss", scalar(&loss)?)?;
         let norm = self.actor.step(&loss.backward()?, &mut self.actor_moments, self.rates.actor)?;
@@ -201,14 +201,13 @@ impl Learner {
     fn target(&self, batch: &Batch, alpha: f32) -> TensorResult<Tensor> {
         let raw = self.actor.call(None, &batch.bootstrap_observation, Flow::Nowhere)?;
         let (action, log_probability) = squash(self.ops, self.bounds, &raw, &batch.target_noise)?;
-        let q = self.lower(&self.targets, &batch.bootstrap_observation, &action, Flow::Nowhere)?;
+        let q = Self::lower(&self.targets, &batch.bootstrap_observation, &action, Flow::Nowhere)?;
         let value = (q - (log_probability * f64::from(alpha))?)?;
         Ok((&batch.reward + (&batch.discount * value)?)?.detach())
     }
 
     /// The lower of two critics' values, (batch).
     fn lower(
-        &self,
         critics: &[Network; 2],
         observation: &Tensor,
         action: &Tensor,
@@ -222,7 +221,7 @@ impl Learner {
     /// The lower critic's value of one action.
     pub(crate) fn value(&self, observation: &[f32], action: &[f32]) -> TensorResult<f32> {
         let row = |values: &[f32]| Tensor::from_slice(values, (1, values.len()), &Device::Cpu);
-        scalar(&self.lower(&self.critics, &row(observation)?, &row(action)?, Flow::Nowhere)?)
+        scalar(&Self::lower(&self.critics, &row(observation)?, &row(action)?, Flow::Nowhere)?)
     }
 }
 

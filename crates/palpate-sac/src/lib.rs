@@ -49,6 +49,8 @@ mod agent;
 mod checkpoint;
 mod config;
 mod error;
+#[cfg(test)]
+mod golden;
 mod kernel;
 mod learner;
 mod mlp;

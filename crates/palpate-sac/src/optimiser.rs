@@ -134,8 +134,8 @@ mod tests {
                 m[i] = 0.9 * m[i] + 0.1 * g;
                 v[i] = 0.999 * v[i] + 0.001 * g * g;
                 let (mh, vh) = (
-                    m[i] / (1.0 - 0.9f64.powi(t as i32 + 1)),
-                    v[i] / (1.0 - 0.999f64.powi(t as i32 + 1)),
+                    m[i] / (1.0 - 0.9f64.powf(t as f64 + 1.0)),
+                    v[i] / (1.0 - 0.999f64.powf(t as f64 + 1.0)),
                 );
                 p[i] -= 0.01 * mh / (vh.sqrt() + 1e-8);
             }

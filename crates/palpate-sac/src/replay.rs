@@ -165,7 +165,7 @@ mod tests {
             replay.push(&Transition {
                 observation: &[i as f32],
                 action: &[0.0],
-                reward: 2f32.powi(i as i32),
+                reward: (i as f32).exp2(),
                 next_observation: &[-(i as f32)],
                 terminal: *end == End::Terminal,
                 episode_end: *end == End::Truncated,

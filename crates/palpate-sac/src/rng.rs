@@ -58,7 +58,7 @@ mod tests {
         let text = serde_json::to_string(&streams).unwrap();
         let mut restored: Streams = serde_json::from_str(&text).unwrap();
         assert_eq!(restored, streams);
-        let mut draw = |s: &mut Streams| (0..100).map(|_| s.update.next_u64()).collect::<Vec<_>>();
+        let draw = |s: &mut Streams| (0..100).map(|_| s.update.next_u64()).collect::<Vec<_>>();
         assert_eq!(draw(&mut restored), draw(&mut streams));
     }
 
