@@ -27,6 +27,10 @@ Robot learning (builds the release binary if needed, then runs `palpate COMMAND 
   train-sim        train a policy in simulation
   evaluate RUN     measure a trained policy beside three baselines
   plot RUN…        draw learning curves
+  virtual-ur       a UR controller with simulated contact behind it, on a UR's ports
+  doctor --rtde ADDRESS      examine an arm, virtual or not; moves nothing
+  train-real --rtde ADDRESS  train on it; --from RUN starts from a simulated run
+  run-policy RUN --rtde ADDRESS  run a trained policy on it
   ANY OTHER        is handed to palpate as it is
   COMMAND --help   explains one of them; `cargo xtask --help-palpate` lists all
 

@@ -179,6 +179,17 @@ impl<R: Guarded> Env<R> {
         self.robot.stop().map_err(EnvError::Robot)
     }
 
+    /// Stays where it is for one control period: what an arm in real time does while it waits for an episode.
+    pub fn hold(&mut self) -> Result<Measurement, EnvError<R::Error>> {
+        self.robot.sense().map_err(EnvError::Robot)
+    }
+
+    /// Clears a stop or a fault of the robot and gives the episode up. The next thing is a [`reset`](Self::reset).
+    pub fn recover(&mut self) -> Result<(), EnvError<R::Error>> {
+        self.episode = None;
+        self.robot.recover().map_err(EnvError::Robot)
+    }
+
     /// Drives back to the start of the next episode.
     pub fn reset(&mut self) -> Result<(), EnvError<R::Error>> {
         let number = self.next_episode;

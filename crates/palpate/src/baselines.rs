@@ -1,12 +1,12 @@
 //! Policies to compare with: nothing, noise, and what an engineer would script.
 
-use palpate_env::ScriptedPolicy;
+use palpate_env::{Env, ScriptedPolicy};
 use palpate_sac::Policy;
+use palpate_safety::Guarded;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::Config;
-use crate::stack::SimEnv;
 
 /// Anything that can be evaluated.
 #[derive(Debug)]
@@ -66,6 +66,14 @@ impl Actor {
         }))
     }
 
+    /// The learned policy, to put another one in its place.
+    pub fn policy_mut(&mut self) -> Option<&mut Policy> {
+        match self {
+            Self::Learned(learned) => Some(&mut learned.policy),
+            _ => None,
+        }
+    }
+
     /// Prepares for an episode.
     pub fn reset(&mut self, episode: u64) {
         match self {
@@ -81,7 +89,7 @@ impl Actor {
     }
 
     /// The action for what the environment shows now.
-    pub fn act(&mut self, env: &SimEnv) -> &[f64] {
+    pub fn act<R: Guarded>(&mut self, env: &Env<R>) -> &[f64] {
         match self {
             Self::Zero(action) => action,
             Self::Random(rng, _, action) => {

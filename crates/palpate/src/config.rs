@@ -9,6 +9,7 @@ use palpate_runs::config::{Layer, nearest, parse, resolve};
 use palpate_sac::SacConfig;
 use palpate_safety::SafetyConfig;
 use palpate_sim::{SimArm, SimConfig};
+use palpate_ur::UrConfig;
 
 macro_rules! assets {
     ($folder:literal, $extension:literal: $($name:literal),+ $(,)?) => {
@@ -30,6 +31,13 @@ pub const MODELS: Assets =
     assets!("policies", "toml": "p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18");
 /// Robot descriptions, by name.
 pub const ROBOTS: Assets = assets!("robots", "urdf": "ur3e", "ur5e", "ur10e");
+
+/// Tables with optional keys.
+const OPEN: &[&str] = &["policy", "ur"];
+
+/// What a UR's drives add to servoj's lookahead, s: 34 ms were measured at a lookahead of 30 ms
+/// (Universal_Robots_Client_Library, issue 86).
+pub(crate) const DRIVE_LAG: f64 = 0.004;
 
 /// Everything a run depends on.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -55,6 +63,9 @@ pub struct Config {
     pub sac: SacConfig,
     /// The simulator.
     pub sim: SimConfig,
+    /// The real arm, for the commands that move one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ur: Option<UrConfig>,
 }
 
 /// Length, seed and rhythm of a run.
@@ -107,6 +118,15 @@ pub struct Choice {
 impl Config {
     /// Resolves a choice.
     pub fn load(choice: &Choice) -> anyhow::Result<Self> {
+        Self::resolve(choice, None)
+    }
+
+    /// Resolves a choice for an arm; its settings are the keys below `ur`.
+    pub fn load_for(choice: &Choice, arm: &UrConfig) -> anyhow::Result<Self> {
+        Self::resolve(choice, Some(arm))
+    }
+
+    fn resolve(choice: &Choice, arm: Option<&UrConfig>) -> anyhow::Result<Self> {
         let policy =
             format!("[policy]\n{}", nest(asset("policy model", MODELS, &choice.model)?, "policy"));
         let base = Layer {
@@ -115,9 +135,10 @@ impl Config {
                 choice.preset, choice.task, choice.model
             ),
             text: format!(
-                "{}\n{}\n{policy}",
+                "{}\n{}\n{policy}\n{}",
                 asset("preset", PRESETS, &choice.preset)?,
-                asset("task", TASKS, &choice.task)?
+                asset("task", TASKS, &choice.task)?,
+                arm.map_or(Ok(String::new()), arm_text)?,
             ),
         };
         let mut layers = Vec::new();
@@ -126,7 +147,7 @@ impl Config {
                 .with_context(|| format!("cannot read the config file {}", path.display()))?;
             layers.push(Layer { name: path.display().to_string(), text });
         }
-        let table = resolve(&base, &layers, &choice.set, &["policy"])?;
+        let table = resolve(&base, &layers, &choice.set, OPEN)?;
         let config: Self = parse(table)?;
         config.validate()?;
         Ok(config)
@@ -134,11 +155,28 @@ impl Config {
 
     /// Reads the resolved configuration of a run, changed by `set`.
     pub fn of_run(dir: &Path, set: &[String]) -> anyhow::Result<Self> {
+        Self::reread(dir, None, set)
+    }
+
+    /// The same for an arm. A run that was made on one keeps its settings, but not where it was.
+    pub fn of_run_for(dir: &Path, arm: &UrConfig, set: &[String]) -> anyhow::Result<Self> {
+        Self::reread(dir, Some(arm), set)
+    }
+
+    fn reread(dir: &Path, arm: Option<&UrConfig>, set: &[String]) -> anyhow::Result<Self> {
         let path = dir.join("config.toml");
-        let text = std::fs::read_to_string(&path)
+        let mut text = std::fs::read_to_string(&path)
             .with_context(|| format!("cannot read {}: is this a run?", path.display()))?;
-        let table =
-            resolve(&Layer { name: path.display().to_string(), text }, &[], set, &["policy"])?;
+        let mut set = set.to_vec();
+        if let Some(arm) = arm {
+            if toml::from_str::<toml::Table>(&text).is_ok_and(|run| run.contains_key("ur")) {
+                set.insert(0, format!("ur.host={:?}", arm.host));
+                set.insert(1, format!("ur.ports.rtde={}", arm.ports.rtde));
+            } else {
+                text += &arm_text(arm)?;
+            }
+        }
+        let table = resolve(&Layer { name: path.display().to_string(), text }, &[], &set, OPEN)?;
         let config: Self = parse(table)?;
         config.validate()?;
         Ok(config)
@@ -156,7 +194,8 @@ impl Config {
         let mut warnings = self.policy.warnings(&self.control, period);
         let force_loop = ForceLoop {
             cutoff: self.safety.force_filter_cutoff,
-            servo_lag: self.sim.servo.lag,
+            // servoj filters with its lookahead; the drives' own share is what is left of measured delays.
+            servo_lag: self.ur.as_ref().map_or(self.sim.servo.lag, |ur| ur.lookahead + DRIVE_LAG),
             rebased: self.env.reference == Reference::Measured,
             period,
         };
@@ -180,6 +219,9 @@ impl Config {
         self.policy.validate(&self.control)?;
         self.sac.validate()?;
         self.sim.validate()?;
+        if let Some(ur) = &self.ur {
+            ur.validate()?;
+        }
         let tip = self.robot.tcp;
         if tip[0] != 0.0 || tip[1] != 0.0 || (tip[2] - self.sim.tool.length).abs() > 1e-12 {
             bail!(
@@ -210,6 +252,12 @@ fn by_axes(warnings: impl Iterator<Item = String>) -> Vec<String> {
         axes => format!("axes {}: {what}", axes.join(", ")),
     };
     groups.into_iter().map(sentence).collect()
+}
+
+/// An arm's settings as the table `[ur]`.
+fn arm_text(arm: &UrConfig) -> anyhow::Result<String> {
+    let text = toml::to_string(arm).context("cannot write the arm's settings as TOML")?;
+    Ok(format!("\n[ur]\n{}", nest(&text, "ur")))
 }
 
 /// Finds a named text, or says which exist.

@@ -5,14 +5,14 @@ use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
 
 use anyhow::Context as _;
-use palpate_env::{Outcome, Summary};
+use palpate_env::{Env, Outcome, Summary};
 use palpate_runs::stats::clopper_pearson;
 use palpate_runs::{CheckpointStore, RunDir};
 use palpate_sac::Policy;
-use palpate_safety::Tally;
+use palpate_safety::{Guarded, Tally};
 
 use crate::baselines::Actor;
-use crate::stack::{Purpose, SimEnv, sim_env};
+use crate::stack::{Purpose, sim_env};
 use crate::{Config, interrupt};
 
 /// Seed of the episodes when none is given: fresh ones, the same for every run.
@@ -100,8 +100,8 @@ pub fn run(
 }
 
 /// Runs episodes 0 … n−1 with one policy. An interrupt ends it early, at an episode's end.
-pub fn rollouts(
-    env: &mut SimEnv,
+pub fn rollouts<R: Guarded>(
+    env: &mut Env<R>,
     actor: &mut Actor,
     episodes: u64,
     mut done: impl FnMut(u64),
@@ -126,7 +126,8 @@ pub fn rollouts(
     Ok(summaries)
 }
 
-fn check_shape(policy: &Policy, env: &SimEnv) -> anyhow::Result<()> {
+/// Refuses a policy that was trained on other observations or actions than an environment's.
+pub(crate) fn check_shape<R: Guarded>(policy: &Policy, env: &Env<R>) -> anyhow::Result<()> {
     let (have, want) = (
         (policy.observation_dim(), policy.action_dim()),
         (env.observation_dim(), env.action_dim()),

@@ -23,6 +23,11 @@ pub fn install() -> anyhow::Result<()> {
     .context("cannot install the Ctrl-C handler")
 }
 
+/// The flag itself, for whoever has to look at it often.
+pub fn flag() -> &'static AtomicBool {
+    &REQUESTED
+}
+
 /// Whether the run should wind up.
 pub fn requested() -> bool {
     REQUESTED.load(Ordering::SeqCst)

@@ -10,7 +10,9 @@ pub mod evaluate;
 pub mod interrupt;
 pub mod plot;
 mod progress;
+pub mod real;
 pub mod stack;
 pub mod train;
+pub mod virtual_ur;
 
 pub use config::Config;

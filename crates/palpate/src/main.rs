@@ -6,7 +6,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use palpate::config::Choice;
-use palpate::{evaluate, interrupt, plot, train};
+use palpate::real::{self, Address};
+use palpate::{evaluate, interrupt, plot, train, virtual_ur};
 
 /// Teach a position-controlled robot arm to feel its way.
 ///
@@ -27,6 +28,18 @@ enum Command {
     /// goal), 20 000 steps. Ctrl-C once finishes the episode and writes a checkpoint that --resume continues;
     /// twice stops at once.
     TrainSim(TrainSim),
+    /// Train on a UR e-Series arm, or on a virtual one. Nothing here has moved a real arm.
+    ///
+    /// Examines the arm as `doctor` does, prints the limits and asks; then drives to the start and learns.
+    /// Enter pauses after the episode and resumes; Ctrl-C brakes at once and writes a checkpoint. A stop of the
+    /// arm's safety system is never cleared here: a person does that at the arm, and then presses Enter.
+    TrainReal(TrainReal),
+    /// Run a trained policy on an arm, without the trainer.
+    RunPolicy(RunPolicy),
+    /// Examine an arm before it moves: versions, modes, payload, kinematics, sensor, link. Moves nothing.
+    Doctor(Doctor),
+    /// A virtual UR with the simulator's contact behind it, on a UR's own ports, until Ctrl-C.
+    VirtualUr(VirtualUr),
     /// Measure a trained policy on fresh episodes, beside three baselines on the same ones.
     ///
     /// Shows the last policy and the kept one (the best of the evaluations during training), and: a = 0 (the
@@ -39,7 +52,7 @@ enum Command {
 }
 
 #[derive(Debug, Args)]
-struct TrainSim {
+struct Settings {
     /// Settings to start from: `palpate` (measured to learn) or `paper` (as printed).
     #[arg(long, default_value = "palpate")]
     preset: String,
@@ -55,6 +68,12 @@ struct TrainSim {
     /// Override one key, e.g. --set sac.gamma=0.95 --set task.distribution=fixed. May be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+struct Training {
+    #[command(flatten)]
+    settings: Settings,
     /// No reward penalty for exceeding the force limit (κ = 0 instead of −10).
     #[arg(long)]
     no_penalty: bool,
@@ -67,9 +86,93 @@ struct TrainSim {
     /// Run directory to create. Default: runs/DATE_TIME_TASK_MODEL_sSEED.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct TrainSim {
+    #[command(flatten)]
+    training: Training,
     /// Continue a run from its last checkpoint, exactly; --steps may extend it.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "seed", "out"])]
     resume: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct TrainReal {
+    /// Address of the controller: HOST or HOST:PORT.
+    #[arg(long, value_name = "ADDRESS")]
+    rtde: Address,
+    #[command(flatten)]
+    training: Training,
+    /// Start from the learner of this run, usually a simulated one, with its configuration and --set.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model", "config"])]
+    from: Option<PathBuf>,
+    /// Continue a run of train-real from its last checkpoint; --steps may extend it.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "no_penalty", "seed", "out", "from"])]
+    resume: Option<PathBuf>,
+    /// Connect, examine, print the limits, and move nothing.
+    #[arg(long)]
+    dry_run: bool,
+    /// Do not ask before the arm moves.
+    #[arg(long)]
+    yes: bool,
+}
+
+#[derive(Debug, Args)]
+struct RunPolicy {
+    /// Run directory.
+    run: PathBuf,
+    /// Address of the controller: HOST or HOST:PORT.
+    #[arg(long, value_name = "ADDRESS")]
+    rtde: Address,
+    /// Which policy: `last`, `best` (of the evaluations during training) or a checkpoint's name.
+    #[arg(long, default_value = "last")]
+    checkpoint: String,
+    /// Episodes.
+    #[arg(long, default_value_t = 10)]
+    episodes: u64,
+    /// Seed of the episodes' starts.
+    #[arg(long, default_value_t = evaluate::DEFAULT_SEED)]
+    seed: u64,
+    /// Change one key of the run's configuration. May be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Connect, examine, print the limits, and move nothing.
+    #[arg(long)]
+    dry_run: bool,
+    /// Do not ask before the arm moves.
+    #[arg(long)]
+    yes: bool,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct Doctor {
+    /// Address of the controller: HOST or HOST:PORT.
+    #[arg(long, value_name = "ADDRESS")]
+    rtde: Address,
+    #[command(flatten)]
+    settings: Settings,
+    /// Print JSON instead of lines.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct VirtualUr {
+    /// What goes wrong, and when.
+    #[arg(value_name = "SECONDS:FAULT", long_help = palpate_virtual_ur::FAULT_HELP)]
+    faults: Vec<palpate_virtual_ur::TimedFault>,
+    #[command(flatten)]
+    settings: Settings,
+    /// Address to listen on.
+    #[arg(long, default_value = "127.0.0.1")]
+    address: std::net::IpAddr,
+    /// Listen on any free ports instead of a UR's own.
+    #[arg(long)]
+    any_ports: bool,
 }
 
 #[derive(Debug, Args)]
@@ -127,9 +230,40 @@ fn run(command: Command) -> anyhow::Result<()> {
     interrupt::install()?;
     match command {
         Command::TrainSim(args) => match &args.resume {
-            Some(dir) => train::resume(dir, args.steps),
-            None => train::start(&args.choice(), args.out.as_deref()),
+            Some(dir) => train::resume(dir, args.training.steps),
+            None => train::start(&args.training.choice(), args.training.out.as_deref()),
         },
+        Command::TrainReal(args) => real::train_real(&real::TrainReal {
+            address: args.rtde,
+            choice: args.training.choice(),
+            from: args.from,
+            resume: args.resume,
+            out: args.training.out,
+            dry_run: args.dry_run,
+            yes: args.yes,
+        }),
+        Command::RunPolicy(args) => real::run_policy(&real::PolicyRun {
+            run: args.run,
+            checkpoint: args.checkpoint,
+            address: args.rtde,
+            episodes: args.episodes,
+            seed: args.seed,
+            set: args.set,
+            dry_run: args.dry_run,
+            yes: args.yes,
+            json: args.json,
+        }),
+        Command::Doctor(args) => {
+            real::doctor::command(&args.rtde, &args.settings.choice(), args.json)
+        }
+        Command::VirtualUr(args) => virtual_ur::command(
+            &args.settings.choice(),
+            virtual_ur::Setup {
+                address: args.address,
+                any_ports: args.any_ports,
+                faults: args.faults,
+            },
+        ),
         Command::Evaluate(args) => evaluate::command(
             &args.run,
             &evaluate::Options {
@@ -149,20 +283,26 @@ fn run(command: Command) -> anyhow::Result<()> {
     }
 }
 
-impl TrainSim {
+impl Settings {
     fn choice(&self) -> Choice {
-        let mut set = self.set.clone();
-        set.extend(self.seed.map(|seed| format!("run.seed={seed}")));
-        set.extend(self.steps.map(|steps| format!("run.steps={steps}")));
-        if self.no_penalty {
-            set.push("reward.violation=0.0".into());
-        }
         Choice {
             preset: self.preset.clone(),
             task: self.task.clone(),
             model: self.model.clone(),
             file: self.config.clone(),
-            set,
+            set: self.set.clone(),
         }
+    }
+}
+
+impl Training {
+    fn choice(&self) -> Choice {
+        let mut choice = self.settings.choice();
+        choice.set.extend(self.seed.map(|seed| format!("run.seed={seed}")));
+        choice.set.extend(self.steps.map(|steps| format!("run.steps={steps}")));
+        if self.no_penalty {
+            choice.set.push("reward.violation=0.0".into());
+        }
+        choice
     }
 }

@@ -3,6 +3,7 @@
 use anyhow::Context as _;
 use palpate_env::Env;
 use palpate_kinematics::SerialChain;
+use palpate_robot_io::RobotBackend;
 use palpate_safety::Safe;
 use palpate_sim::SimArm;
 use palpate_spatial::{DOF, Pose, Vector3};
@@ -22,19 +23,31 @@ pub enum Purpose {
     Monitor,
     /// Fresh episodes of `evaluate`.
     Evaluate,
+    /// The exploration of a policy that acts on an arm in real time.
+    Explore,
 }
 
 /// Builds the simulated environment.
 pub fn sim_env(config: &Config, seed: u64, purpose: Purpose) -> anyhow::Result<SimEnv> {
-    let seed = stream(seed, purpose);
     let chain = chain(&config.robot)?;
     let arm = SimArm::new(
         chain.clone(),
         config.task.base_T_hole(),
         &config.sim,
         config.task.q_home,
-        seed,
+        stream(seed, purpose),
     )?;
+    env(config, chain, arm, seed, purpose)
+}
+
+/// Puts the fail-safe layer and the environment around an arm.
+pub fn env<B: RobotBackend>(
+    config: &Config,
+    chain: SerialChain<DOF>,
+    arm: B,
+    seed: u64,
+    purpose: Purpose,
+) -> anyhow::Result<Env<Safe<B>>> {
     let tool0_T_tool = Pose::from_parts(
         Vector3::from(config.robot.tcp).into(),
         nalgebra::UnitQuaternion::identity(),
@@ -47,7 +60,7 @@ pub fn sim_env(config: &Config, seed: u64, purpose: Purpose) -> anyhow::Result<S
         config.reward.clone(),
         &config.control,
         &config.policy,
-        seed,
+        stream(seed, purpose),
     )?)
 }
 
@@ -62,7 +75,7 @@ pub fn chain(robot: &RobotConfig) -> anyhow::Result<SerialChain<DOF>> {
 }
 
 /// SplitMix64 of the seed and the purpose, so that no two purposes share draws.
-fn stream(seed: u64, purpose: Purpose) -> u64 {
+pub(crate) fn stream(seed: u64, purpose: Purpose) -> u64 {
     let mut z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15u64.wrapping_mul(purpose as u64 + 1));
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

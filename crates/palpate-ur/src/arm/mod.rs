@@ -323,6 +323,11 @@ impl Drop for UrArm {
         if self.token.is_some() {
             self.mode = Mode::End;
             let _ = self.send();
+            // A socket that is closed with unread data resets the connection, and the last command with it: give
+            // the program two cycles to take it.
+            for _ in 0..2 {
+                let _ = self.receive(self.config.stale());
+            }
         }
     }
 }

@@ -1,0 +1,90 @@
+//! `train-real`: the trainer on an arm.
+
+use std::path::PathBuf;
+
+use anyhow::{Context as _, bail};
+use palpate_runs::{CheckpointStore, LAST, RunDir};
+use palpate_sac::Sac;
+
+use super::thread::Exchange;
+use super::world::RealTime;
+use super::{Address, connect, permitted};
+use crate::baselines::Actor;
+use crate::config::{Choice, Config};
+use crate::progress::Progress;
+use crate::stack::{Purpose, sim_env, stream};
+use crate::train::pupil::Pupil;
+use crate::train::{create, last_checkpoint, run};
+
+/// What to train, where, and from what.
+#[derive(Clone, Debug)]
+pub struct TrainReal {
+    /// The controller.
+    pub address: Address,
+    /// A new run's configuration; of a run to start from only the overrides count.
+    pub choice: Choice,
+    /// A run whose learner goes on here.
+    pub from: Option<PathBuf>,
+    /// A run on an arm to continue.
+    pub resume: Option<PathBuf>,
+    /// Run directory to create.
+    pub out: Option<PathBuf>,
+    /// Look, and move nothing.
+    pub dry_run: bool,
+    /// Do not ask.
+    pub yes: bool,
+}
+
+/// Trains on an arm.
+pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
+    let arm = what.address.arm();
+    let set = &what.choice.set;
+    let config = match (&what.resume, &what.from) {
+        (Some(run), _) | (None, Some(run)) => Config::of_run_for(run, &arm, set)?,
+        (None, None) => Config::load_for(&what.choice, &arm)?,
+    };
+    if config.sac.warmup_steps > 0 {
+        bail!(
+            "sac.warmup_steps is {}, but no arm is driven at random: set it to 0",
+            config.sac.warmup_steps
+        );
+    }
+    let (agent, progress, dir) = learner(what, &config)?;
+    if !permitted(&config, what.yes, what.dry_run)? {
+        return Ok(());
+    }
+    let exchange = Exchange::default();
+    let seed = stream(config.run.seed, Purpose::Explore);
+    let actor = Actor::learned(agent.policy(), Some(seed));
+    let arm = connect(&config, actor, exchange.clone())?;
+    // Not before there is an arm, or a folder without a run would stay.
+    let dir = match dir {
+        Some(dir) => dir,
+        None => create(&config, what.out.as_deref())?,
+    };
+    let mut pupil = Pupil::new(config, dir, agent, progress, "train-real --rtde ADDRESS")?;
+    pupil.console.note(&format!("control thread: {}", arm.realtime));
+    run(RealTime::new(arm, exchange), pupil)
+}
+
+/// The learner, how far it is, and its run directory if there is one already.
+fn learner(what: &TrainReal, config: &Config) -> anyhow::Result<(Sac, Progress, Option<RunDir>)> {
+    if let Some(run) = &what.resume {
+        let dir = RunDir::open(run)?;
+        let (agent, progress) = last_checkpoint(&dir, config)?;
+        return Ok((agent, progress, Some(dir)));
+    }
+    // The same observations and actions as on the arm, without one.
+    let env = sim_env(config, config.run.seed, Purpose::Train)?;
+    let Some(run) = &what.from else {
+        let (observation, action) = (env.observation_dim(), env.action_dim());
+        let agent = Sac::new(&config.sac, observation, action, config.run.seed)?;
+        return Ok((agent, Progress::default(), None));
+    };
+    let checkpoint = CheckpointStore::open(run)?
+        .find(LAST)?
+        .with_context(|| format!("{} holds no checkpoint", run.display()))?;
+    let agent = Sac::load(&checkpoint)?;
+    crate::evaluate::check_shape(&agent.policy(), &env)?;
+    Ok((agent, Progress::default(), None))
+}

@@ -1,0 +1,107 @@
+//! `train-sim` and `train-real`: the loop that makes a policy.
+//!
+//! One loop for both. What differs is where the steps come from: a [`World`](world::World) that waits for the
+//! learner, or one that cannot wait ([`crate::real`]).
+//!
+//! Checkpoints are taken between episodes, where a simulated world is rebuilt from the seed and the episode's
+//! number, so a simulated run that is resumed continues exactly as if it had never stopped.
+
+pub(crate) mod pupil;
+mod tables;
+pub(crate) mod world;
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context as _, bail};
+use palpate_runs::RunDir;
+use palpate_sac::Sac;
+
+use crate::config::{Choice, Config};
+use crate::interrupt;
+use crate::progress::Progress;
+use crate::stack::{Purpose, sim_env};
+use pupil::Pupil;
+use world::{Lockstep, World};
+
+/// Starts a new run in simulation.
+pub fn start(choice: &Choice, out: Option<&Path>) -> anyhow::Result<()> {
+    let config = Config::load(choice)?;
+    let dir = create(&config, out)?;
+    let world = simulation(&config, 0)?;
+    let (observation, action) = world.dims();
+    let agent = Sac::new(&config.sac, observation, action, config.run.seed)?;
+    run(world, Pupil::new(config, dir, agent, Progress::default(), "train-sim")?)
+}
+
+/// Continues a simulated run from its last whole checkpoint.
+pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<()> {
+    let dir = RunDir::open(path)?;
+    let set: Vec<String> = steps.map(|s| format!("run.steps={s}")).into_iter().collect();
+    let config = Config::of_run(path, &set)?;
+    if config.ur.is_some() {
+        bail!("{} is a run on an arm: continue it with train-real --resume", path.display());
+    }
+    let (agent, progress) = last_checkpoint(&dir, &config)?;
+    let world = simulation(&config, progress.episodes)?;
+    run(world, Pupil::new(config, dir, agent, progress, "train-sim")?)
+}
+
+/// The run directory of a new run.
+pub(crate) fn create(config: &Config, out: Option<&Path>) -> anyhow::Result<RunDir> {
+    let name = format!("{}_{}_s{}", config.task.name, config.policy.name, config.run.seed);
+    Ok(RunDir::create(out, &name, &config.to_toml()?)?)
+}
+
+/// What a run knew when its last whole checkpoint was written.
+pub(crate) fn last_checkpoint(dir: &RunDir, config: &Config) -> anyhow::Result<(Sac, Progress)> {
+    let path = dir.path();
+    let checkpoint = dir.checkpoints()?.latest()?.with_context(|| {
+        format!("{} holds no checkpoint to resume from; start it again", path.display())
+    })?;
+    let text = std::fs::read_to_string(checkpoint.join("progress.json"))?;
+    let progress: Progress =
+        serde_json::from_str(&text).context("progress.json of the checkpoint")?;
+    if progress.step >= config.run.steps {
+        bail!(
+            "the run is complete: {} of {} steps; extend it with --resume {} --steps N",
+            progress.step,
+            config.run.steps,
+            path.display()
+        );
+    }
+    Ok((Sac::load(&checkpoint)?, progress))
+}
+
+fn simulation(
+    config: &Config,
+    next_episode: u64,
+) -> anyhow::Result<Lockstep<palpate_safety::Safe<palpate_sim::SimArm>>> {
+    let mut env = sim_env(config, config.run.seed, Purpose::Train)?;
+    env.set_next_episode(next_episode);
+    Ok(Lockstep { env, monitor: sim_env(config, config.run.seed, Purpose::Monitor)? })
+}
+
+/// The loop: episodes, and between them what is due.
+pub(crate) fn run(mut world: impl World, mut pupil: Pupil) -> anyhow::Result<()> {
+    let started = Instant::now();
+    pupil.begin();
+    let every = |step: u64, every: u64| step / every;
+    while !pupil.complete() && !interrupt::requested() {
+        let before = pupil.progress.step;
+        world.episode(&mut pupil)?;
+        let (step, run) = (pupil.progress.step, &pupil.config.run);
+        let done = step >= run.steps || interrupt::requested();
+        let (evaluate_every, checkpoint_every) = (run.evaluate_every, run.checkpoint_every);
+        if every(before, evaluate_every) != every(step, evaluate_every)
+            && let Some(evaluation) = world.evaluate(&pupil)?
+        {
+            pupil.evaluated(evaluation)?;
+        }
+        if done || every(before, checkpoint_every) != every(step, checkpoint_every) {
+            pupil.checkpoint()?;
+        }
+    }
+    let link = world.end();
+    pupil.finish(started.elapsed().as_secs_f64(), link)
+}

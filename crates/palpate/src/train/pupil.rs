@@ -1,0 +1,255 @@
+//! The learner, and the account of what it went through.
+
+use anyhow::Result;
+use palpate_env::{Outcome, Step, Summary};
+use palpate_runs::{CheckpointStore, Console, Metrics, RunDir, Slot, Table};
+use palpate_sac::{Sac, Transition, UpdateStats};
+
+use super::tables::{EPISODES, METRICS};
+use crate::Config;
+use crate::progress::{Evaluation, Progress};
+
+/// One step of experience.
+pub(crate) struct Lesson<'a> {
+    /// What the policy saw.
+    pub(crate) observation: &'a [f32],
+    /// What it did.
+    pub(crate) action: &'a [f32],
+    /// What it saw then.
+    pub(crate) next: &'a [f32],
+    /// What came of it.
+    pub(crate) step: &'a Step,
+}
+
+/// A learner with its run directory.
+pub(crate) struct Pupil {
+    pub(crate) config: Config,
+    pub(crate) agent: Sac,
+    pub(crate) progress: Progress,
+    pub(crate) console: Console,
+    dir: RunDir,
+    store: CheckpointStore,
+    metrics: Metrics,
+    episodes: Table,
+    /// The command that resumes it.
+    command: &'static str,
+    /// Latest statistics of the learner, for the next row.
+    stats: Option<UpdateStats>,
+    /// Evaluation to put into the next row.
+    pending: Option<Evaluation>,
+}
+
+impl Pupil {
+    pub(crate) fn new(
+        config: Config,
+        dir: RunDir,
+        agent: Sac,
+        progress: Progress,
+        command: &'static str,
+    ) -> Result<Self> {
+        Ok(Self {
+            store: dir.checkpoints()?,
+            metrics: Metrics::open(&dir, METRICS, progress.rows.0)?,
+            episodes: Table::open(&dir.path().join("episodes.csv"), EPISODES, progress.rows.1)?,
+            console: Console::new(config.run.steps, progress.step),
+            config,
+            dir,
+            agent,
+            progress,
+            command,
+            stats: None,
+            pending: None,
+        })
+    }
+
+    /// Says where it writes and what is unwise.
+    pub(crate) fn begin(&mut self) {
+        self.console.note(&format!("run directory: {}", self.dir.path().display()));
+        for warning in self.config.warnings() {
+            self.console.note(&format!("warning: {warning}"));
+        }
+    }
+
+    /// Whether all steps are done.
+    pub(crate) fn complete(&self) -> bool {
+        self.progress.step >= self.config.run.steps
+    }
+
+    /// Remembers a step and learns.
+    pub(crate) fn take(&mut self, lesson: &Lesson<'_>) -> Result<()> {
+        let step = lesson.step;
+        self.agent.observe(&Transition {
+            observation: lesson.observation,
+            action: lesson.action,
+            reward: step.reward.total() as f32,
+            next_observation: lesson.next,
+            terminal: step.terminated,
+            episode_end: step.terminated || step.truncated,
+        })?;
+        self.progress.step += 1;
+        if let Some(stats) = self.agent.update()? {
+            self.stats = Some(stats);
+        }
+        if let Some(summary) = &step.summary {
+            self.progress.record(summary);
+            self.write_episode(summary)?;
+        }
+        if self.progress.step.is_multiple_of(self.config.run.log_every) {
+            self.write_row()?;
+        }
+        self.console.update(self.progress.step, &self.line());
+        Ok(())
+    }
+
+    /// Takes in an evaluation; keeps the best policy.
+    pub(crate) fn evaluated(&mut self, evaluation: Evaluation) -> Result<()> {
+        self.progress.evaluated = Some(evaluation);
+        self.pending = Some(evaluation);
+        if self.progress.best.is_none_or(|best| evaluation.beats(&best)) {
+            self.progress.best = Some(evaluation);
+            let agent = &self.agent;
+            self.store.save(Slot::Best, |dir| agent.save_policy(dir).map_err(Into::into))?;
+        }
+        self.console.table(&[
+            ("evaluation at step", self.progress.step.to_string()),
+            ("eval/success_rate", format!("{:.2}", evaluation.success_rate)),
+            ("eval/mean_reward", format!("{:.1}", evaluation.mean_return)),
+            ("eval/mean_ep_length", format!("{:.1}", evaluation.mean_steps)),
+            ("eval/peak_force", format!("{:.1} N", evaluation.peak_force)),
+            ("eval/q_minus_return", format!("{:+.2}", evaluation.q_minus_return)),
+            ("safety/collisions", self.progress.collisions.to_string()),
+            (
+                "best so far",
+                self.progress
+                    .best
+                    .map_or(String::new(), |b| format!("{:.2} at {}", b.success_rate, b.step)),
+            ),
+        ]);
+        Ok(())
+    }
+
+    /// Writes everything that is needed to go on from here.
+    pub(crate) fn checkpoint(&mut self) -> Result<()> {
+        self.progress.rows = (self.metrics.rows(), self.episodes.rows());
+        self.metrics.sync()?;
+        self.episodes.sync()?;
+        let (agent, progress) = (&self.agent, &self.progress);
+        self.store.save(Slot::Step(progress.step), |dir| {
+            agent.save(dir)?;
+            std::fs::write(dir.join("progress.json"), serde_json::to_string_pretty(progress)?)?;
+            Ok(())
+        })?;
+        Ok(())
+    }
+
+    /// Writes the summary and says what comes next.
+    pub(crate) fn finish(mut self, seconds: f64, link: Option<serde_json::Value>) -> Result<()> {
+        let p = &self.progress;
+        let complete = self.complete();
+        let mut summary = serde_json::json!({
+            "complete": complete,
+            "steps": p.step,
+            "episodes": p.episodes,
+            "successes": p.successes,
+            "collisions": p.collisions,
+            "first_success_step": p.first_success,
+            "refusals": p.tally,
+            "simulator_faults": p.faults,
+            "success_rate_last_20": p.success_rate(),
+            "last_evaluation": p.evaluated,
+            "best_evaluation": p.best,
+            "seconds_this_time": seconds,
+        });
+        let on_an_arm = link.is_some();
+        if let Some(link) = link {
+            summary["link"] = link;
+        }
+        self.dir.write_summary(&summary)?;
+        self.console.finish();
+        let path = self.dir.path().display();
+        let next = if on_an_arm { "run-policy" } else { "evaluate" };
+        if complete {
+            self.console.note(&format!(
+                "done in {seconds:.0} s: {} episodes, {} collisions.\nnext: cargo xtask {next} {path}\n      cargo xtask plot {path}",
+                p.episodes, p.collisions
+            ));
+        } else {
+            self.console.note(&format!(
+                "stopped at step {} of {}; a checkpoint is saved.\ncontinue: cargo xtask {} --resume {path}",
+                p.step, self.config.run.steps, self.command
+            ));
+        }
+        Ok(())
+    }
+
+    /// What the live line says besides the step, the rate and the time left.
+    fn line(&self) -> String {
+        let p = &self.progress;
+        let number = |x: Option<f64>, digits: usize| {
+            x.map_or_else(|| "–".into(), |x| format!("{x:.digits$}"))
+        };
+        format!(
+            "return {}  success {} of last {}  collisions {}  peak {} N",
+            number(p.mean_return(), 0),
+            number(p.success_rate().map(|rate| rate * p.recent.len() as f64), 0),
+            p.recent.len(),
+            p.collisions,
+            number(p.mean_peak_force(), 1),
+        )
+    }
+
+    fn write_row(&mut self) -> Result<()> {
+        let p = &self.progress;
+        let s = self.stats.as_ref();
+        let e = self.pending.take();
+        let train = |f: fn(&UpdateStats) -> f32| s.map(f).map(f64::from);
+        let eval = |f: fn(&Evaluation) -> f64| e.as_ref().map(f);
+        self.metrics.write(
+            p.step,
+            &[
+                Some(p.step as f64),
+                Some(p.episodes as f64),
+                p.mean_return(),
+                p.mean_steps(),
+                p.success_rate(),
+                p.mean_peak_force(),
+                Some(p.collisions as f64),
+                Some(p.tally.no_ik as f64),
+                Some(p.tally.joint_speed as f64),
+                Some(p.tally.non_finite as f64),
+                Some(p.faults as f64),
+                Some(self.agent.updates() as f64),
+                train(|s| s.critic_loss),
+                train(|s| s.actor_loss),
+                train(|s| s.alpha),
+                train(|s| s.entropy),
+                train(|s| s.q_mean),
+                eval(|e| e.success_rate),
+                eval(|e| e.mean_return),
+                eval(|e| e.mean_steps),
+                eval(|e| e.peak_force),
+                eval(|e| e.q_minus_return),
+            ],
+        )?;
+        Ok(())
+    }
+
+    fn write_episode(&mut self, s: &Summary) -> Result<()> {
+        let flag = |o: Outcome| Some(if s.outcome == o { 1.0 } else { 0.0 });
+        self.episodes.write(&[
+            Some(s.episode as f64),
+            Some(self.progress.step as f64),
+            Some(s.total_reward),
+            Some(f64::from(s.steps)),
+            flag(Outcome::Success),
+            flag(Outcome::Collision),
+            flag(Outcome::Fault),
+            Some(s.peak_force),
+            Some(s.mean_force),
+            Some(s.final_distance),
+            Some(s.tally.no_ik as f64),
+            Some(s.tally.joint_speed as f64),
+        ])?;
+        Ok(())
+    }
+}

@@ -1,0 +1,103 @@
+//! Where experience comes from.
+
+use palpate_env::{Env, Summary};
+use palpate_sac::Mode;
+use palpate_safety::Guarded;
+
+use super::pupil::{Lesson, Pupil};
+use crate::baselines::Actor;
+use crate::evaluate;
+use crate::progress::Evaluation;
+
+/// Something that makes episodes and gives every step of them to the pupil.
+pub(crate) trait World {
+    /// One episode. It may end early after an interrupt.
+    fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()>;
+
+    /// How good the policy is now; `None` where that is not measured during training.
+    fn evaluate(&mut self, pupil: &Pupil) -> anyhow::Result<Option<Evaluation>>;
+
+    /// Lets go of the arm. What summary.json says about the link, if there is one.
+    fn end(self) -> Option<serde_json::Value>;
+}
+
+/// A world whose time stands still while the learner learns.
+#[derive(Debug)]
+pub(crate) struct Lockstep<R: Guarded> {
+    /// Training episodes.
+    pub(crate) env: Env<R>,
+    /// Frozen starts of the evaluations.
+    pub(crate) monitor: Env<R>,
+}
+
+impl<R: Guarded> Lockstep<R> {
+    /// Length of an observation and of an action.
+    pub(crate) fn dims(&self) -> (usize, usize) {
+        (self.env.observation_dim(), self.env.action_dim())
+    }
+}
+
+impl<R: Guarded> World for Lockstep<R> {
+    /// An update of the learner after every step.
+    fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()> {
+        self.env.reset()?;
+        let mut observation = self.env.observation().to_vec();
+        let mut action = vec![0.0f32; self.env.action_dim()];
+        loop {
+            pupil.agent.act(&observation, Mode::Explore, &mut action)?;
+            let wide: Vec<f64> = action.iter().copied().map(f64::from).collect();
+            let step = self.env.step(&wide)?;
+            let next = self.env.observation();
+            pupil.take(&Lesson {
+                observation: &observation,
+                action: &action,
+                next,
+                step: &step,
+            })?;
+            if step.summary.is_some() {
+                return Ok(());
+            }
+            observation = next.to_vec();
+        }
+    }
+
+    /// Deterministic episodes on the same starts every time.
+    fn evaluate(&mut self, pupil: &Pupil) -> anyhow::Result<Option<Evaluation>> {
+        let (config, agent) = (&pupil.config, &pupil.agent);
+        let gamma = config.sac.gamma;
+        let scale = config.sac.reward_scale;
+        let mut actor = Actor::learned(agent.policy(), None);
+        let (mut summaries, mut gap) = (Vec::<Summary>::new(), 0.0);
+        for episode in 0..config.run.evaluate_episodes {
+            self.monitor.set_next_episode(episode);
+            self.monitor.reset()?;
+            actor.reset(episode);
+            let q = f64::from(agent.q_start(self.monitor.observation())?);
+            let (mut discounted, mut weight) = (0.0, scale);
+            let summary = loop {
+                let action = actor.act(&self.monitor).to_vec();
+                let step = self.monitor.step(&action)?;
+                discounted += weight * step.reward.total();
+                weight *= gamma;
+                if let Some(summary) = step.summary {
+                    break summary;
+                }
+            };
+            gap += q - discounted;
+            summaries.push(summary);
+        }
+        let row = evaluate::Row::new("monitor", &summaries);
+        Ok(Some(Evaluation {
+            step: pupil.progress.step,
+            success_rate: row.success_rate,
+            mean_return: row.mean_return,
+            mean_steps: row.mean_steps,
+            peak_force: row.median_peak_force,
+            q_minus_return: gap / summaries.len().max(1) as f64,
+        }))
+    }
+
+    fn end(self) -> Option<serde_json::Value> {
+        None
+    }
+}
