@@ -1,6 +1,7 @@
 //! What you learn: load an arm from a URDF and ask where its tool is and how it moves.
 //! Run: `cargo run --release -p palpate-examples --example 01_forward_kinematics`
 //! You should see: the tool 30 cm in front of a UR3e, and a Jacobian column per joint.
+#![expect(clippy::print_stdout, reason = "a tutorial speaks")]
 
 use palpate_kinematics::{Frame, SerialChain};
 use palpate_spatial::JointVector;

@@ -1,6 +1,7 @@
 //! What you learn: ask for joints that reach a pose, near the joints you have; read why there are none.
 //! Run: `cargo run --release -p palpate-examples --example 02_inverse_kinematics`
 //! You should see: a 2 mm step solved to 1e-9, and a target out of reach refused with numbers.
+#![expect(clippy::print_stdout, reason = "a tutorial speaks")]
 
 use palpate_kinematics::{IkOptions, SerialChain};
 use palpate_spatial::JointVector;

@@ -1,6 +1,7 @@
 //! What you learn: the parallel position/force law on a springy wall, and where it stops being stable.
 //! Run: `cargo run --release -p palpate-examples --example 03_press_a_wall`
 //! You should see: a calm press at low force gain, a limit cycle above (1−S)·K_f·k = √2·2π·f_c.
+#![expect(clippy::print_stdout, reason = "a tutorial speaks")]
 
 use palpate_control::{
     ActionPlacement, ControlInput, DerivativeRule, ForceController, Gains, LowPass, ParallelConfig,

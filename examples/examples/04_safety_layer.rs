@@ -1,6 +1,7 @@
 //! What you learn: what the fail-safe layer does with good and bad commands.
 //! Run: `cargo run --release -p palpate-examples --example 04_safety_layer`
 //! You should see: one command accepted, three refused with their reasons, and a force stop that latches.
+#![expect(clippy::print_stdout, reason = "a tutorial speaks")]
 
 use palpate_kinematics::SerialChain;
 use palpate_robot_io::IdealArm;
