@@ -22,8 +22,10 @@ const LEANING: f64 = 0.02;
 /// Bisections of a bracket: from 0.4 rad to 1e-10 rad.
 const BISECTIONS: u32 = 32;
 /// Simultaneous contacts along one edge of the peg, and of the hole.
-const PER_RIM: usize = 4;
-const PER_EDGE: usize = 2;
+const PER_RIM: usize = 6;
+const PER_EDGE: usize = 4;
+/// tan of the largest angle from a contact to where it presses.
+const WIDEST: f64 = 0.7;
 /// The hole's top is its first face.
 const TOP: usize = 0;
 
@@ -53,6 +55,8 @@ struct Circle {
 /// A place on a circle under the faces of the other part.
 #[derive(Clone, Copy)]
 struct Place {
+    /// (cos, sin) along the circle.
+    direction: (f64, f64),
     point: Vector,
     rho: f64,
     depth: f64,
@@ -89,7 +93,8 @@ impl Circle {
         })
     }
 
-    fn at(&self, (c, s): (f64, f64), faces: &[Face]) -> Place {
+    fn at(&self, direction: (f64, f64), faces: &[Face]) -> Place {
+        let (c, s) = direction;
         let point = self.centre + self.u * c + self.v * s;
         let tangent = self.v * c - self.u * s;
         let rho = point.truncate().length();
@@ -104,7 +109,7 @@ impl Circle {
         }
         let outward = (point.x * tangent.x + point.y * tangent.y) / rho.max(1e-12);
         let slope = -faces[index].radial * outward - faces[index].axial * tangent.z;
-        Place { point, rho, depth, next, face: index, slope }
+        Place { direction, point, rho, depth, next, face: index, slope }
     }
 
     /// The local maximum within a sample's spacing, and the faces that are least on its two sides.
@@ -121,6 +126,33 @@ impl Circle {
             }
         }
         (middle, before, after)
+    }
+}
+
+impl Circle {
+    /// Where a contact on a single face presses: a point while apart, two points once they overlap.
+    ///
+    /// Circles that nearly fit overlap along an arc. As the peg slips sideways the normal turns within
+    /// micrometres, faster than the engine, which fixes it for a step, could follow: a single point would throw the
+    /// peg from side to side. Two points half way out on the arc know the curvature: depth − ½·bend·φ² there is
+    /// ¾ of the depth, and together they are as stiff sideways as the turning normal.
+    fn presses(&self, top: &Place, faces: &[Face]) -> [Option<Place>; 2] {
+        if !(top.depth > 0.0) {
+            return [Some(*top), None];
+        }
+        let face = &faces[top.face];
+        let beside = |x: f64| {
+            let place = self.at(turned(top.direction, x), faces);
+            face.depth(place.rho, place.point.z)
+        };
+        let bend = (2.0 * top.depth - beside(REACH) - beside(-REACH)) / (REACH * REACH);
+        let half = (top.depth / (2.0 * bend)).sqrt();
+        let half = if half > WIDEST { WIDEST } else { half };
+        [half, -half].map(|x| {
+            let place = self.at(turned(top.direction, x), faces);
+            let depth = face.depth(place.rho, place.point.z);
+            Some(Place { depth, face: top.face, ..place })
+        })
     }
 }
 
@@ -210,8 +242,11 @@ fn rim(
                     continue;
                 }
                 if before.face != TOP {
-                    let n = normal(&top, a.radial, a.axial);
-                    found(Touch::of_peg(family, key(i), top.point, n, top.depth));
+                    for place in circle.presses(&top, faces).iter().flatten() {
+                        let n = normal(place, a.radial, a.axial);
+                        let touch = Touch::of_peg(family, key(i), place.point, n, place.depth);
+                        found(Touch { inside: top.depth, ..touch });
+                    }
                 } else if top.depth > supported + prediction * LEANING {
                     let n = normal(&top, 0.0, 1.0);
                     found(Touch::of_peg(1, key(i), top.point, n, top.depth));
@@ -283,9 +318,12 @@ fn edge(
         // A level landing was found from the peg's side too.
         let level = f.is_flat() && is_level(circle, prediction);
         if is_near((top.depth, top.next), prediction) && before.face == after.face && !level {
-            let n = normal(&top, f.radial, f.axial);
             let key = (family * SAMPLES + i) as u32;
-            found(Touch::of_hole(family, key, top.point, n, top.depth, hole_T_peg));
+            for place in circle.presses(&top, faces).iter().flatten() {
+                let n = normal(place, f.radial, f.axial);
+                let touch = Touch::of_hole(family, key, place.point, n, place.depth, hole_T_peg);
+                found(Touch { inside: top.depth, ..touch });
+            }
         }
     }
 }

@@ -78,7 +78,7 @@ fn explore(label: &str, config: &SimConfig, bounds: Bounds, check: impl Fn(&Wand
 
 /// On the stiff rig 12 mrad of tilt clamp the peg with up to a thousand newtons a side. The peaks are pulls on a
 /// peg so wedged, the steps its letting go, and the penetration is what that load does to one contact point.
-const CLAMPED: Bounds = (150.0, 80.0, 100e-6);
+const CLAMPED: Bounds = (150.0, 45.0, 70e-6);
 /// On the sensor that training uses: a tick at 20 mm/s is 40 µm, which is what an edge can meet an edge with.
 const SOFT: Bounds = (40.0, 20.0, 40e-6);
 

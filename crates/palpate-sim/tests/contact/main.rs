@@ -4,6 +4,7 @@
 
 mod exploration;
 mod insertion;
+mod mujoco;
 mod penetration;
 mod repeat;
 mod rig;
