@@ -96,6 +96,7 @@ fn the_torque_is_the_lever_of_the_touching_edge() {
         let expected = (edge - sensor).cross(&wrench.force);
         assert!(expected.norm() > 0.005, "{expected:?}");
         // About the vertical the two ends of the edge can lock friction in: no lever says how much.
+        assert!(wrench.torque.z.abs() < 0.02, "{:?}", wrench.torque);
         let error = (wrench.torque - expected).xy().norm();
         assert!(error < 1e-3, "{:?} against {expected:?}", wrench.torque);
     }
