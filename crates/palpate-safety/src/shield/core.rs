@@ -1,16 +1,18 @@
 //! The shield itself: sample and proposal in, verdict and set-point out.
 #![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
 
-use palpate_kinematics::{Frame, SerialChain};
+mod stop;
+
+use palpate_kinematics::SerialChain;
 use palpate_robot_io::RobotState;
-use palpate_spatial::{DOF, JointVector, Pose, UnitQuaternion, Vector3, Wrench};
+use palpate_spatial::{DOF, JointVector, Pose, UnitQuaternion, Wrench};
 
 use super::brake::Brake;
 use super::config::ShieldConfig;
 use super::force::{Contact, ForceGuard, WrenchLimits};
 use super::geometry::Geometry;
-use super::headroom::{Bounds, Headroom};
-use super::ledger::{Cause, Entry, Ledger};
+use super::headroom::Headroom;
+use super::ledger::{Cause, Ledger};
 use super::motion::{MAIN, Motion};
 use super::plausible::{Implausible, Watch};
 use super::prove;
@@ -403,99 +405,6 @@ impl Shield {
         self.clearance = Some(verified.clearance);
         self.stopping_time = verified.stopping_time;
         (self.target, self.target_pose, self.manipulability) = (target, pose, manipulability);
-    }
-
-    /// One tick of the brake that was verified with the last accepted step.
-    fn brake(&mut self, here: &Motion) -> JointVector {
-        let motion = here.braked(&self.verifier.brakes, self.verifier.dt);
-        (self.motion, self.clearance) = (Some(motion), None);
-        self.stopping_time = (self.stopping_time - self.verifier.dt).max(0.0);
-        (self.target, self.target_pose, self.manipulability) = (motion.q, None, None);
-        motion.q
-    }
-
-    /// How fast the tool may move now.
-    pub(super) fn bounds(&self, m: &Measurement) -> Bounds {
-        let limit = self.config.force.aim_ratio * self.guard.soft().force;
-        self.headroom.bounds(&m.raw_wrench, &m.wrench, limit, self.stopping_time)
-    }
-
-    /// Velocity of the tool centre point at the target for joint speeds, m/s, base axes.
-    pub(super) fn tool_velocity(&self, speed: &JointVector) -> Vector3 {
-        let J = self.chain.kinematics(&self.target).jacobian(Frame::BaseAligned);
-        (J * speed).fixed_rows::<3>(0).into()
-    }
-
-    fn executed(&self, here: &Motion) -> JointVector {
-        self.motion.map_or(here.q, |m| m.q)
-    }
-
-    /// Latches a force stop; its brake begins in this very tick.
-    fn trip(&mut self, m: &Measurement, here: &Motion, excess: Excess, cause: Cause) -> Decision {
-        self.stop = Some((excess, Stage::Braking));
-        let executed = self.brake(here);
-        self.record(m, cause, None, &executed, excess.limit - excess.value.abs());
-        self.halted(excess, cause, executed)
-    }
-
-    /// Brake to rest, then retreat, then stand.
-    fn stopped(
-        &mut self,
-        m: &Measurement,
-        here: &Motion,
-        excess: Excess,
-        stage: Stage,
-    ) -> Decision {
-        let dt = self.verifier.dt;
-        let mut stage = match stage {
-            Stage::Braking if here.is_at_rest() => {
-                Stage::Retreating(Retreat::new(self.config.retreat))
-            }
-            other => other,
-        };
-        let mut moved = false;
-        if let Stage::Retreating(retreat) = &mut stage {
-            let trusted = self.bad.is_none();
-            let away = retreat.step(&m.wrench.force, dt).filter(|_| trusted);
-            moved = away.is_some_and(|v| self.give_way(m, here, &v));
-            if !moved {
-                stage = Stage::Standing;
-            }
-        }
-        self.stop = Some((excess, stage));
-        let executed = if moved { self.executed(here) } else { self.brake(here) };
-        self.record(m, Cause::Stopped, None, &executed, excess.limit - excess.value.abs());
-        self.halted(excess, Cause::Stopped, executed)
-    }
-
-    /// One tick of a retreat at `velocity`, through the same verification as any command.
-    fn give_way(&mut self, m: &Measurement, here: &Motion, velocity: &Vector3) -> bool {
-        let mut pose = self.target_pose();
-        pose.translation.vector += velocity * self.verifier.dt;
-        let wish = self.wish(m, &Proposal::Pose(pose));
-        wish.and_then(|wish| self.advance(m, here, &wish)).is_ok()
-    }
-
-    fn halted(&self, excess: Excess, cause: Cause, executed: JointVector) -> Decision {
-        Decision {
-            verdict: Verdict::ForceExceeded(excess),
-            executed,
-            proposed: None,
-            cause: Some(cause),
-            governed: Some(self.target_pose()),
-        }
-    }
-
-    fn record(
-        &mut self,
-        m: &Measurement,
-        cause: Cause,
-        proposed: Option<JointVector>,
-        executed: &JointVector,
-        distance: f64,
-    ) {
-        let (time, executed) = (m.state.time, *executed);
-        self.ledger.add(Entry { time, cause, proposed, executed, wrench: m.wrench, distance });
     }
 }
 

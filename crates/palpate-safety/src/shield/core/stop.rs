@@ -1,0 +1,112 @@
+//! Braking, force stops, and what is written down.
+
+use palpate_kinematics::Frame;
+use palpate_spatial::{JointVector, Vector3};
+
+use super::{Decision, Proposal, Shield, Stage};
+use crate::shield::headroom::Bounds;
+use crate::shield::ledger::{Cause, Entry};
+use crate::shield::motion::Motion;
+use crate::shield::retreat::Retreat;
+use crate::{Excess, Measurement, Verdict};
+
+impl Shield {
+    /// One tick of the brake that was verified with the last accepted step.
+    pub(super) fn brake(&mut self, here: &Motion) -> JointVector {
+        let motion = here.braked(&self.verifier.brakes, self.verifier.dt);
+        (self.motion, self.clearance) = (Some(motion), None);
+        self.stopping_time = (self.stopping_time - self.verifier.dt).max(0.0);
+        (self.target, self.target_pose, self.manipulability) = (motion.q, None, None);
+        motion.q
+    }
+
+    /// How fast the tool may move now.
+    pub(in crate::shield) fn bounds(&self, m: &Measurement) -> Bounds {
+        let limit = self.config.force.aim_ratio * self.guard.soft().force;
+        self.headroom.bounds(&m.raw_wrench, &m.wrench, limit, self.stopping_time)
+    }
+
+    /// Velocity of the tool centre point at the target for joint speeds, m/s, base axes.
+    pub(in crate::shield) fn tool_velocity(&self, speed: &JointVector) -> Vector3 {
+        let J = self.chain.kinematics(&self.target).jacobian(Frame::BaseAligned);
+        (J * speed).fixed_rows::<3>(0).into()
+    }
+
+    pub(super) fn executed(&self, here: &Motion) -> JointVector {
+        self.motion.map_or(here.q, |m| m.q)
+    }
+
+    /// Latches a force stop; its brake begins in this very tick.
+    pub(super) fn trip(
+        &mut self,
+        m: &Measurement,
+        here: &Motion,
+        excess: Excess,
+        cause: Cause,
+    ) -> Decision {
+        self.stop = Some((excess, Stage::Braking));
+        let executed = self.brake(here);
+        self.record(m, cause, None, &executed, excess.limit - excess.value.abs());
+        self.halted(excess, cause, executed)
+    }
+
+    /// Brake to rest, then retreat, then stand.
+    pub(super) fn stopped(
+        &mut self,
+        m: &Measurement,
+        here: &Motion,
+        excess: Excess,
+        stage: Stage,
+    ) -> Decision {
+        let dt = self.verifier.dt;
+        let mut stage = match stage {
+            Stage::Braking if here.is_at_rest() => {
+                Stage::Retreating(Retreat::new(self.config.retreat))
+            }
+            other => other,
+        };
+        let mut moved = false;
+        if let Stage::Retreating(retreat) = &mut stage {
+            let trusted = self.bad.is_none();
+            let away = retreat.step(&m.wrench.force, dt).filter(|_| trusted);
+            moved = away.is_some_and(|v| self.give_way(m, here, &v));
+            if !moved {
+                stage = Stage::Standing;
+            }
+        }
+        self.stop = Some((excess, stage));
+        let executed = if moved { self.executed(here) } else { self.brake(here) };
+        self.record(m, Cause::Stopped, None, &executed, excess.limit - excess.value.abs());
+        self.halted(excess, Cause::Stopped, executed)
+    }
+
+    /// One tick of a retreat at `velocity`, through the same verification as any command.
+    pub(super) fn give_way(&mut self, m: &Measurement, here: &Motion, velocity: &Vector3) -> bool {
+        let mut pose = self.target_pose();
+        pose.translation.vector += velocity * self.verifier.dt;
+        let wish = self.wish(m, &Proposal::Pose(pose));
+        wish.and_then(|wish| self.advance(m, here, &wish)).is_ok()
+    }
+
+    pub(super) fn halted(&self, excess: Excess, cause: Cause, executed: JointVector) -> Decision {
+        Decision {
+            verdict: Verdict::ForceExceeded(excess),
+            executed,
+            proposed: None,
+            cause: Some(cause),
+            governed: Some(self.target_pose()),
+        }
+    }
+
+    pub(super) fn record(
+        &mut self,
+        m: &Measurement,
+        cause: Cause,
+        proposed: Option<JointVector>,
+        executed: &JointVector,
+        distance: f64,
+    ) {
+        let (time, executed) = (m.state.time, *executed);
+        self.ledger.add(Entry { time, cause, proposed, executed, wrench: m.wrench, distance });
+    }
+}
