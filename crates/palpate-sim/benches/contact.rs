@@ -47,7 +47,8 @@ fn contact(c: &mut Criterion) {
         rig.push_down(force, 0.024);
         rig
     };
-    let kinds: [(&str, fn(f64, f64) -> SimConfig); 4] =
+    type Make = fn(f64, f64) -> SimConfig;
+    let kinds: [(&str, Make); 4] =
         [("square", config), ("round", round), ("ring", ring), ("sprung round", sprung)];
     for (kind, make) in kinds {
         for clearance in [1e-3, 2e-4, 5e-5] {

@@ -1,22 +1,20 @@
 //! What you learn: how exact the simulated contact is, and what the solver's settings do to it.
 //! Run: `cargo run --release -p palpate-sim --example contact_report`
 //! You should see: the tables of `docs/results/contact.md`, in about a minute.
-#![expect(
-    clippy::print_stdout,
-    clippy::unwrap_used,
-    reason = "a report for a terminal, on our own settings"
-)]
+#![expect(clippy::print_stdout, reason = "a report for a terminal")]
 
 #[path = "../tests/contact/rig.rs"]
 mod rig;
 
-use palpate_sim::{SimConfig, SimError};
+use palpate_sim::SimConfig;
 use palpate_spatial::Vector3;
 use rig::{CLEARANCES, DT, Rig, config, ring, round, soft, sprung};
 use rustix::time::{ClockId, clock_gettime};
 
+type Make = fn(f64, f64) -> SimConfig;
+
 fn main() {
-    let kinds: [(&str, fn(f64, f64) -> SimConfig); 4] =
+    let kinds: [(&str, Make); 4] =
         [("square", config), ("round", round), ("ring", ring), ("sprung", sprung)];
     println!(
         "closed forms: two-point jam at 1° (mm), wedge kept over 0.3 s, lateral force at 0.15 mm (N)"
@@ -60,7 +58,7 @@ fn main() {
         "\ncontact frequency (Hz): press penetration (µm), jam at 0.05 mm (mm), for square and round"
     );
     for frequency in [500.0, 1000.0, 2000.0] {
-        let row = [config as fn(f64, f64) -> SimConfig, round].map(|make| {
+        let row = [config as Make, round].map(|make| {
             let with = |clearance| {
                 let mut config = make(clearance, 0.0);
                 config.solver.contact_frequency = frequency;
@@ -161,14 +159,9 @@ fn press(config: &SimConfig) -> Press {
     }
 }
 
-/// Checks the geometry only: the settings under test may be refused for their stiffness.
-fn try_world(config: &SimConfig) -> Result<(), SimError> {
-    config.validate()
-}
-
 fn solver_effort((steps, iterations, passes): (u32, usize, usize)) -> String {
     let mut line = format!("{steps}×{iterations}, {passes:2} passes:");
-    for make in [config as fn(f64, f64) -> SimConfig, round] {
+    for make in [config as Make, round] {
         let with = |clearance| {
             let mut config = make(clearance, 0.0);
             config.solver.steps_per_tick = steps;
@@ -176,7 +169,7 @@ fn solver_effort((steps, iterations, passes): (u32, usize, usize)) -> String {
             config.solver.pgs_iterations = passes;
             config
         };
-        if try_world(&with(2e-4)).is_err() {
+        if with(2e-4).validate().is_err() {
             line += "  refused";
             continue;
         }
@@ -223,7 +216,7 @@ fn how_stiff(scale: f64, passes: usize) {
     let damping = c.angular_damping + c.linear_damping * lever;
     let stiffness = c.angular_stiffness + c.linear_stiffness * lever;
     let ratio = (h * damping + h * h * stiffness) / config.tool.inertia[0] / passes as f64;
-    let verdict = match try_world(&config) {
+    let verdict = match config.validate() {
         Ok(()) => {
             let p = press(&config);
             format!("{:7.5} {:7.5} {:7.5}", p.torque, p.force, p.left)

@@ -137,7 +137,7 @@ impl Circle {
     /// peg from side to side. Two points half way out on the arc know the curvature: depth − ½·bend·φ² there is
     /// ¾ of the depth, and together they are as stiff sideways as the turning normal.
     fn presses(&self, top: &Place, faces: &[Face]) -> [Option<Place>; 2] {
-        if !(top.depth > 0.0) {
+        if top.depth <= 0.0 {
             return [Some(*top), None];
         }
         let face = &faces[top.face];

@@ -52,6 +52,8 @@ fn towards(from: Vector3, to: Vector3, most: f64) -> Vector3 {
 /// Bounds of the force, of its step in a tick, N, and of the penetration, m.
 type Bounds = (f64, f64, f64);
 
+/// Explores for 20 000 ticks; `check` measures the penetration another way.
+#[expect(clippy::print_stdout, reason = "the figures of the results page")]
 fn explore(label: &str, config: &SimConfig, bounds: Bounds, check: impl Fn(&Wanderer) -> f64) {
     let mut wanderer = Wanderer::new(config, 1);
     let mut last = Vector3::zeros();

@@ -1,4 +1,5 @@
 //! The same scripted motions in MuJoCo (`tests/data/make_mujoco.py`), and where the two differ.
+#![expect(clippy::unwrap_used, reason = "our own fixture loads")]
 
 use palpate_spatial::{Vector3, Wrench};
 

@@ -10,7 +10,7 @@ use crate::rig::{config, flange};
 /// Depth of the deepest of many points on the peg's edges in the board's material, m.
 pub(crate) fn sampled_depth(hole_T_tip: &Pose, config: &SimConfig) -> f64 {
     let (half, length) = (config.peg.width / 2.0, config.peg.length);
-    let (hole, chamfer) = ((config.peg.width + config.hole.clearance) / 2.0, config.hole.chamfer);
+    let (hole, chamfer) = (config.hole_half_width(), config.hole.chamfer);
     let depth_at = |x: f64, y: f64, z: f64| {
         let p = (hole_T_tip * nalgebra::Point3::new(x, y, z)).coords;
         let across = p.x.abs().max(p.y.abs());

@@ -168,7 +168,7 @@ fn round_parts_beside_each_other_land_on_the_rim_and_stay() {
 fn sampled_depths(config: &SimConfig, hole_T_tip: &palpate_spatial::Pose) -> [f64; 2] {
     let hole_T_peg = if config.ring_on_tool() { hole_T_tip.inverse() } else { *hole_T_tip };
     let (r, e) = (config.peg.width / 2.0, config.peg.chamfer);
-    let (hole, c) = ((config.peg.width + config.hole.clearance) / 2.0, config.hole.chamfer);
+    let (hole, c) = (config.hole_half_width(), config.hole.chamfer);
     let in_hole_body = |p: &nalgebra::Point3<f64>| {
         let rho = p.x.hypot(p.y);
         let outside =
