@@ -9,6 +9,7 @@ use palpate_spatial::{DOF, JointVector, Pose, UnitQuaternion, Wrench};
 
 use super::brake::Brake;
 use super::config::ShieldConfig;
+use super::decision::{Decision, Proposal};
 use super::force::{Contact, ForceGuard, WrenchLimits};
 use super::geometry::Geometry;
 use super::headroom::Headroom;
@@ -23,33 +24,6 @@ use super::verify::{Verified, Verifier};
 use super::wish::Wish;
 use crate::limits::{LimitsError, SafetyConfig};
 use crate::{Excess, Measurement, Refusal, Verdict};
-
-/// What the layer above asks for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Proposal {
-    /// A tool pose, base_T_tool.
-    Pose(Pose),
-    /// Joints, rad.
-    Joints(JointVector),
-    /// To come to rest.
-    Rest,
-}
-
-/// What becomes of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Decision {
-    /// The verdict.
-    pub verdict: Verdict,
-    /// The set-point to send now, rad. Always finite, whatever was asked for.
-    pub executed: JointVector,
-    /// The proposal as joints, rad, where it had any.
-    pub proposed: Option<JointVector>,
-    /// Why the set-point is not simply the proposal, if it is not.
-    pub cause: Option<Cause>,
-    /// Where the next tool pose must start from, if the arm was slowed or braked and so did not get to where
-    /// the proposal said. A stream of poses that ignores this asks for jumps.
-    pub governed: Option<Pose>,
-}
 
 /// Part of the catch-up speed per distance: what lags behind is made up for with a time constant of 25 ms.
 const CATCH_UP: f64 = 40.0;

@@ -14,6 +14,7 @@ mod brake;
 mod capsule;
 mod config;
 mod core;
+mod decision;
 mod force;
 mod geometry;
 mod headroom;
@@ -33,7 +34,8 @@ pub use config::{
     ForceConfig, Plane, RecoveryConfig, RetreatConfig, SensorConfig, ShieldConfig,
     SingularityConfig, Workspace,
 };
-pub use core::{Decision, Proposal, Shield};
+pub use core::Shield;
+pub use decision::{Decision, Proposal};
 pub use force::{Contact, ForceGuard, WrenchLimits};
 pub use geometry::{Clearance, Geometry, Obstacle};
 pub use headroom::{Bounds, Headroom};

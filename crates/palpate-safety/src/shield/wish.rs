@@ -4,7 +4,8 @@
 use palpate_kinematics::{Frame, IkOptions};
 use palpate_spatial::{DOF, JointVector, Pose};
 
-use super::core::{Proposal, Shield};
+use super::core::Shield;
+use super::decision::Proposal;
 use super::ledger::Cause;
 use super::verify::GUARD;
 use crate::{Measurement, Refusal};

@@ -3,7 +3,8 @@
 use palpate_kinematics::Frame;
 use palpate_spatial::{JointVector, Vector3};
 
-use super::{Decision, Proposal, Shield, Stage};
+use super::{Shield, Stage};
+use crate::shield::decision::{Decision, Proposal};
 use crate::shield::headroom::Bounds;
 use crate::shield::ledger::{Cause, Entry};
 use crate::shield::motion::Motion;
