@@ -102,7 +102,7 @@ fn shield(stiffness: f64) -> SafetyConfig {
     safety
 }
 
-/// 10 to 100 N/mm, approached at up to 250 mm/s behind a dead time of 4 ms and a servo lag of 10 ms.
+/// 10 to 100 N/mm, approached at up to 250 mm/s behind a dead time of three samples and a servo lag of 10 ms.
 #[test]
 fn the_peak_force_stays_within_10_newton_of_the_limit() {
     println!("k, N/mm | speed, mm/s | force-first: peak, N | shield: peak, N, stopped");
