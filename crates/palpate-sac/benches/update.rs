@@ -4,6 +4,8 @@
 //! needs is inside: replay, returns, noise, four networks forward, three backward, Adam, targets.
 //! One thread: set `RAYON_NUM_THREADS=1 CANDLE_NUM_THREADS=1` for the plain operations to match.
 
+#![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
+
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -64,7 +66,7 @@ fn decision(c: &mut Criterion) {
     let observation = [0.3; OBSERVATION];
     let mut action = [0.0; ACTION];
     c.bench_function("policy/mean", |b| {
-        b.iter(|| policy.mean(black_box(&observation), &mut action))
+        b.iter(|| policy.mean(black_box(&observation), &mut action));
     });
     c.bench_function("policy/sample", |b| {
         b.iter(|| policy.sample(black_box(&observation), &mut rng, &mut action));

@@ -1,161 +1,194 @@
-//! The update against PyTorch's and the fused operations against the plain ones.
+//! The whole update against PyTorch, and the fused operations against the plain ones.
 //!
-//! `tests/data/make_torch.py` wrote the fixture: twenty updates in float64 with PyTorch's own networks,
-//! densities and Adam.
+//! `tests/data/torch.safetensors` is written by `tests/data/make_torch.py`, which computes in float64;
+//! what is left between the two is the rounding of f32.
 
 use std::path::Path;
 
 use candle_core::{Device, Tensor};
 
-use crate::config::{Ops, SacConfig, TargetEntropy};
 use crate::learner::{Batch, Learner};
-use crate::rng::{Streams, fill_normal};
+use crate::network::Network;
+use crate::rng::Streams;
 use crate::tensors::Reader;
+use crate::{Mode, Ops, Sac, SacConfig, TargetEntropy, Transition};
 
 const OBSERVATION: usize = 5;
 const ACTION: usize = 3;
 const BATCH: usize = 8;
 const UPDATES: usize = 20;
 
-fn config(ops: Ops, layer_norm: bool) -> SacConfig {
+fn config(ops: Ops, critic_layer_norm: bool) -> SacConfig {
     SacConfig {
         ops,
+        critic_layer_norm,
         hidden: vec![16, 16],
-        critic_layer_norm: layer_norm,
-        tau: 0.05,
         actor_learning_rate: 1e-3,
-        critic_learning_rate: 1e-3,
-        alpha_learning_rate: 1e-3,
-        initial_alpha: 0.1,
-        target_entropy: TargetEntropy::Nats(-1.5),
+        critic_learning_rate: 2e-3,
+        alpha_learning_rate: 3e-3,
+        initial_alpha: 0.2,
+        tau: 0.05,
+        target_entropy: TargetEntropy::NegativeDim,
         ..SacConfig::default()
     }
 }
 
-/// Names and flat weights of everything that an update changes.
-fn weights(learner: &Learner) -> Vec<(String, Vec<f32>)> {
-    let mut all = vec![("actor".to_owned(), learner.actor.parameters().unwrap())];
-    for i in 0..2 {
-        all.push((format!("critic_{i}"), learner.critics[i].parameters().unwrap()));
-        all.push((format!("target_{i}"), learner.targets[i].parameters().unwrap()));
-    }
-    all.push(("log_alpha".into(), learner.log_alpha.as_tensor().to_vec1().unwrap()));
-    all
-}
-
-/// Largest difference over the largest weight.
-fn difference(a: &[f32], b: &[f32]) -> f32 {
-    assert_eq!(a.len(), b.len());
-    let scale = b.iter().fold(0f32, |m, x| m.max(x.abs()));
-    a.iter().zip(b).fold(0f32, |m, (x, y)| m.max((x - y).abs())) / scale
-}
-
-#[test]
-fn twenty_updates_are_those_of_pytorch() {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/torch.safetensors");
-    let reader = Reader::open(&data).unwrap();
-    let column = |name: &str, width: usize| {
-        let shape: &[usize] = if width == 1 { &[UPDATES, BATCH] } else { &[UPDATES, BATCH, width] };
-        reader.f32(name, shape).unwrap()
-    };
-    let columns = [
-        ("observation", OBSERVATION),
-        ("action", ACTION),
-        ("reward", 1),
-        ("discount", 1),
-        ("bootstrap", OBSERVATION),
-        ("target_noise", ACTION),
-        ("actor_noise", ACTION),
+fn networks(learner: &Learner) -> [(&'static str, &Network); 5] {
+    let ([first, second], [target_1, target_2]) = (&learner.critics, &learner.targets);
+    [
+        ("actor", &learner.actor),
+        ("critic_1", first),
+        ("critic_2", second),
+        ("target_1", target_1),
+        ("target_2", target_2),
     ]
-    .map(|(name, width)| (column(name, width), width));
-    let batch = |update: usize| {
-        let mut tensors = columns.iter().map(|(values, width)| {
-            let rows = &values[update * BATCH * width..][..BATCH * width];
-            if *width == 1 {
-                Tensor::from_slice(rows, BATCH, &Device::Cpu).unwrap()
-            } else {
-                Tensor::from_slice(rows, (BATCH, *width), &Device::Cpu).unwrap()
-            }
-        });
-        let mut next = || tensors.next().unwrap();
-        Batch {
-            observation: next(),
-            action: next(),
-            reward: next(),
-            discount: next(),
-            bootstrap_observation: next(),
-            target_noise: next(),
-            actor_noise: next(),
-        }
+}
+
+/// Largest |a − b| over the root mean square of b.
+fn deviation(a: &[f32], b: &[f32]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let pairs = || a.iter().zip(b).map(|(a, b)| (f64::from(*a), f64::from(*b)));
+    let size = (pairs().map(|(_, b)| b * b).sum::<f64>() / b.len() as f64).sqrt();
+    let worst = pairs().map(|(a, b)| (a - b).abs()).fold(0.0, |w, d| if d <= w { w } else { d });
+    worst / size
+}
+
+fn batch(fixture: &Reader, update: usize) -> Batch {
+    let rows = |name: &str, width: usize| {
+        let values = fixture.f32(name, &[UPDATES, BATCH, width]).unwrap();
+        let values = values[update * BATCH * width..][..BATCH * width].to_vec();
+        Tensor::from_vec(values, (BATCH, width), &Device::Cpu).unwrap()
     };
-    for (layer_norm, prefix) in [(false, "plain"), (true, "norm")] {
-        for ops in [Ops::Fused, Ops::Plain] {
-            let streams = &mut Streams::new(1);
-            let config = config(ops, layer_norm);
-            let mut learner = Learner::new(&config, OBSERVATION, ACTION, streams).unwrap();
-            let first = |name: &str| {
-                let rows = reader.rows(&format!("{prefix}.first.{name}")).unwrap();
-                reader.f32(&format!("{prefix}.first.{name}"), &[rows]).unwrap()
-            };
-            learner.actor.assign(first("actor")).unwrap();
-            for i in 0..2 {
-                learner.critics[i].assign(first(&format!("critic_{i}"))).unwrap();
-                learner.targets[i].assign(first(&format!("critic_{i}"))).unwrap();
-            }
-            let start = learner.actor.parameters().unwrap();
-            let end = reader.f32(&format!("{prefix}.last.actor"), &[start.len()]).unwrap();
-            let moved = difference(&start, &end);
-            assert!(moved > 1e-2, "twenty updates move the actor by {moved} only");
-            for update in 0..UPDATES {
-                learner.update(&batch(update), update as u64).unwrap();
-            }
-            for (name, ours) in weights(&learner) {
-                let theirs = reader.f32(&format!("{prefix}.last.{name}"), &[ours.len()]).unwrap();
-                let apart = difference(&ours, &theirs);
-                assert!(apart < 1e-4, "{prefix}, {ops:?}, {name}: {apart:.1e} apart");
-            }
-        }
+    let column = |name: &str| {
+        let values = fixture.f32(name, &[UPDATES, BATCH]).unwrap();
+        Tensor::from_slice(&values[update * BATCH..][..BATCH], BATCH, &Device::Cpu).unwrap()
+    };
+    Batch {
+        observation: rows("observation", OBSERVATION),
+        action: rows("action", ACTION),
+        reward: column("reward"),
+        discount: column("discount"),
+        bootstrap_observation: rows("bootstrap_observation", OBSERVATION),
+        target_noise: rows("target_noise", ACTION),
+        actor_noise: rows("actor_noise", ACTION),
     }
 }
 
-/// A learner of the default sizes fed with seeded noise.
-fn learner_after(ops: Ops, updates: u64) -> Vec<(String, Vec<f32>)> {
-    let (o, a, rows) = (18, 14, 64);
-    let config = SacConfig { ops, hidden: vec![64, 64], ..SacConfig::default() };
-    let streams = &mut Streams::new(5);
-    let mut learner = Learner::new(&config, o, a, streams).unwrap();
-    let mut draw = |width: usize, squash: bool| {
-        let mut values = vec![0.0; rows * width];
-        fill_normal(&mut streams.update, &mut values);
-        if squash {
-            values.iter_mut().for_each(|x| *x = x.tanh());
-        }
-        values
-    };
-    for update in 0..updates {
-        let mut matrix = |width: usize, squash: bool| {
-            Tensor::from_vec(draw(width, squash), (rows, width), &Device::Cpu).unwrap()
-        };
-        let batch = Batch {
-            observation: matrix(o, false),
-            action: matrix(a, true),
-            reward: matrix(1, false).squeeze(1).unwrap(),
-            discount: Tensor::from_vec(vec![0.9; rows], rows, &Device::Cpu).unwrap(),
-            bootstrap_observation: matrix(o, false),
-            target_noise: matrix(a, false),
-            actor_noise: matrix(a, false),
-        };
-        learner.update(&batch, update).unwrap();
+fn replay_torch(ops: Ops, norm: bool) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/torch.safetensors");
+    let fixture = Reader::open(&path).unwrap();
+    let case = if norm { "norm" } else { "bare" };
+    let mut learner =
+        Learner::new(&config(ops, norm), OBSERVATION, ACTION, &mut Streams::new(0)).unwrap();
+    for (name, network) in networks(&learner) {
+        let size = network.shape().parameters();
+        network.assign(fixture.f32(&format!("first.{name}"), &[size]).unwrap()).unwrap();
     }
-    weights(&learner)
+    let reports = fixture.f32(&format!("{case}.reports"), &[UPDATES, 6]).unwrap();
+    for update in 0..UPDATES {
+        let s = learner.update(&batch(&fixture, update), update as u64).unwrap();
+        let got = [s.critic_loss, s.actor_loss, s.alpha, s.entropy, s.q_mean, s.target_mean];
+        for (got, torch) in got.iter().zip(&reports[update * 6..]) {
+            // Means of numbers of both signs: their rounding is that of the largest, a few units.
+            let error = (got - torch).abs();
+            assert!(error <= 1e-4 * torch.abs().max(0.1), "{update}: {got} {torch}");
+        }
+    }
+    for (name, network) in networks(&learner) {
+        let torch = fixture.f32(&format!("{case}.{name}"), &[network.shape().parameters()]);
+        let torch = torch.unwrap();
+        let deviation = deviation(&network.parameters().unwrap(), &torch);
+        println!("{ops:?} {case} {name}: {deviation:.1e}");
+        assert!(deviation <= 1e-4, "{ops:?} {case} {name}: {deviation:e}");
+        // The bar means something: training moved the weights by hundreds of times as much.
+        let first = fixture.f32(&format!("first.{name}"), &[torch.len()]).unwrap();
+        assert!(self::deviation(&first, &torch) > 1e-2, "{name} did not learn");
+    }
+    let log_alpha: Vec<f32> = learner.log_alpha.to_vec1().unwrap();
+    let deviation =
+        deviation(&log_alpha, &fixture.f32(&format!("{case}.log_alpha"), &[1]).unwrap());
+    assert!(deviation <= 1e-5, "log alpha: {deviation:e}");
 }
 
 #[test]
-fn fused_and_plain_operations_stay_together_over_a_thousand_updates() {
-    let (fused, plain) = (learner_after(Ops::Fused, 1000), learner_after(Ops::Plain, 1000));
-    for ((name, fused), (_, plain)) in fused.iter().zip(&plain) {
-        let apart = difference(fused, plain);
-        println!("{name}: {apart:.1e}");
-        assert!(apart < 2e-2, "{name}: {apart:.1e} apart");
+fn twenty_updates_end_where_torch_ends_fused() {
+    replay_torch(Ops::Fused, true);
+    replay_torch(Ops::Fused, false);
+}
+
+#[test]
+fn twenty_updates_end_where_torch_ends_plain() {
+    replay_torch(Ops::Plain, true);
+    replay_torch(Ops::Plain, false);
+}
+
+/// An agent that has seen 400 steps of a moving target, whatever its operations.
+fn experienced(ops: Ops) -> Sac {
+    let config = SacConfig {
+        ops,
+        batch_size: 32,
+        hidden: vec![32, 32],
+        updates_per_step: 1,
+        ..SacConfig::default()
+    };
+    let mut agent = Sac::new(&config, 2, 2, 5).unwrap();
+    // Experience from one source: two policies that differ in the last bit must not fill it.
+    let mut explorer = Sac::new(&SacConfig { warmup_steps: 400, ..config }, 2, 2, 6).unwrap();
+    let (mut observation, mut action) = ([1.0f32, 0.0], [0.0f32; 2]);
+    for step in 0..400 {
+        explorer.act(&observation, Mode::Explore, &mut action).unwrap();
+        let next_observation = [
+            (observation[0] + 0.3 * action[0]).clamp(-2.0, 2.0),
+            (observation[1] + 0.3 * action[1]).clamp(-2.0, 2.0),
+        ];
+        let reward = -next_observation[0].hypot(next_observation[1]);
+        let end = step % 40 == 39;
+        for agent in [&mut agent, &mut explorer] {
+            agent
+                .observe(&Transition {
+                    observation: &observation,
+                    action: &action,
+                    reward,
+                    next_observation: &next_observation,
+                    terminal: false,
+                    episode_end: end,
+                })
+                .unwrap();
+        }
+        observation = if end { [1.0, 0.0] } else { next_observation };
+    }
+    agent
+}
+
+/// Learning amplifies rounding: once a ReLU or a minimum falls on the other side, two runs part for good.
+/// So the fused operations are held to a bar for 300 updates, and further for as long as plain ones with
+/// one weight moved by one rounding step stay within it; after that, both are only printed.
+#[test]
+fn fused_and_plain_operations_learn_the_same() {
+    let mut fused = experienced(Ops::Fused);
+    let (mut plain, mut nudged) = (experienced(Ops::Plain), experienced(Ops::Plain));
+    let mut parameters = nudged.learner.critics[0].parameters().unwrap();
+    parameters[0] = parameters[0].next_up();
+    nudged.learner.critics[0].assign(parameters).unwrap();
+    for (updates, bar) in [(1u64, 1e-5), (100, 1e-4), (300, 1e-4), (500, 1e-4), (1_000, 1e-4)] {
+        for agent in [&mut fused, &mut plain, &mut nudged] {
+            while agent.updates() < updates {
+                agent.update().unwrap().unwrap();
+            }
+        }
+        let apart = |agent: &Sac| {
+            networks(&agent.learner)
+                .iter()
+                .zip(networks(&plain.learner))
+                .map(|((_, a), (_, p))| {
+                    deviation(&a.parameters().unwrap(), &p.parameters().unwrap())
+                })
+                .fold(0.0, f64::max)
+        };
+        let (by_ops, by_rounding) = (apart(&fused), apart(&nudged));
+        println!("{updates} updates: {by_ops:.1e}, one rounding step: {by_rounding:.1e}");
+        if updates <= 300 || by_rounding <= bar {
+            assert!(by_ops <= bar, "{updates} updates: {by_ops:e}");
+        }
     }
 }

@@ -16,7 +16,10 @@ fn vectorised<R>(work: impl FnOnce() -> R) -> R {
 }
 
 /// Σ f(aᵢ, bᵢ).
-#[expect(clippy::inline_always, reason = "compiled anew for each instruction set")]
+#[expect(
+    clippy::inline_always,
+    reason = "code is compiled for the vector unit only inside its caller"
+)]
 #[inline(always)]
 fn sum(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
     let mut lanes = [0.0; LANES];
@@ -76,7 +79,10 @@ pub(crate) fn add_bias(z: &mut [f32], bias: &[f32]) {
 }
 
 /// max(x, 0), except that NaN stays NaN: a ReLU must not hide it.
-#[expect(clippy::inline_always, reason = "compiled anew for each instruction set")]
+#[expect(
+    clippy::inline_always,
+    reason = "code is compiled for the vector unit only inside its caller"
+)]
 #[inline(always)]
 fn positive(x: f32) -> f32 {
     if x < 0.0 { 0.0 } else { x }

@@ -128,15 +128,12 @@ mod tests {
         let (mut p, mut m, mut v) = ([1.0f64, -1.0], [0.0f64; 2], [0.0f64; 2]);
         let variable = Var::from_slice(&[1.0f32, -1.0], 2, &Device::Cpu).unwrap();
         let mut moments = Moments::new(2);
-        for (t, gradient) in gradients.iter().enumerate() {
+        for (t, gradient) in (1..).zip(&gradients) {
             for i in 0..2 {
                 let g = f64::from(gradient[i] as f32);
                 m[i] = 0.9 * m[i] + 0.1 * g;
                 v[i] = 0.999 * v[i] + 0.001 * g * g;
-                let (mh, vh) = (
-                    m[i] / (1.0 - 0.9f64.powf(t as f64 + 1.0)),
-                    v[i] / (1.0 - 0.999f64.powf(t as f64 + 1.0)),
-                );
+                let (mh, vh) = (m[i] / (1.0 - 0.9f64.powi(t)), v[i] / (1.0 - 0.999f64.powi(t)));
                 p[i] -= 0.01 * mh / (vh.sqrt() + 1e-8);
             }
             step_variable(&variable, &gradient.map(|g| g as f32), &mut moments, 0.01).unwrap();

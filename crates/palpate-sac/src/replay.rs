@@ -161,12 +161,13 @@ mod tests {
     /// Steps with reward 1, 2, 4, …: every sum says which steps are in it. Next observation is −i.
     fn replay(capacity: usize, ends: &[End]) -> Replay {
         let mut replay = Replay::new(capacity, 1, 1);
-        for (i, end) in ends.iter().enumerate() {
+        for (i, end) in (0..).zip(ends) {
+            let number = i as f32;
             replay.push(&Transition {
-                observation: &[i as f32],
+                observation: &[number],
                 action: &[0.0],
-                reward: (i as f32).exp2(),
-                next_observation: &[-(i as f32)],
+                reward: 2f32.powi(i),
+                next_observation: &[-number],
                 terminal: *end == End::Terminal,
                 episode_end: *end == End::Truncated,
             });

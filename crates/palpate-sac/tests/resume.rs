@@ -1,140 +1,185 @@
-//! Same seed, same bits; saved and loaded, same bits; a damaged file is refused by name.
+//! The same seed gives the same bits; so does saving, loading and going on; damaged files are refused.
+#![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 
-#![expect(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
-
+use std::fs;
 use std::path::Path;
 
-use palpate_sac::{Mode, Policy, Sac, SacConfig, Transition};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use palpate_sac::{Mode, Policy, Sac, SacConfig, UpdateStats};
+use palpate_sac::{SacError, Transition};
 
-fn config() -> SacConfig {
-    SacConfig {
-        hidden: vec![16, 16],
-        batch_size: 16,
-        start_training: 16,
-        replay_capacity: 60,
-        ..SacConfig::default()
-    }
+const FILES: [&str; 3] = ["agent.safetensors", "replay.safetensors", "state.json"];
+
+/// An agent and where its world is: a point that drifts as pushed, episodes of 30 steps.
+struct Run {
+    agent: Sac,
+    observation: [f32; 2],
 }
 
-/// Lives through `steps` steps that depend on the step's number alone and returns the bits of all actions.
-fn live(agent: &mut Sac, from: usize, steps: usize) -> Vec<u32> {
-    let mut action = [0.0; 3];
-    let mut bits = Vec::new();
-    for step in from..from + steps {
-        let see = |step: usize| {
-            let mut rng = ChaCha8Rng::seed_from_u64(step as u64);
-            [(); 4].map(|()| rng.random_range(-1.0..1.0f32))
+impl Run {
+    fn new(seed: u64) -> Self {
+        let config = SacConfig {
+            hidden: vec![24, 24],
+            batch_size: 16,
+            start_training: 20,
+            // Small enough to wrap around within the test, in warm-up and after it.
+            replay_capacity: 70,
+            warmup_steps: 25,
+            ..SacConfig::default()
         };
-        agent.act(&see(step), Mode::Explore, &mut action).unwrap();
-        bits.extend(action.map(f32::to_bits));
-        let transition = Transition {
-            observation: &see(step),
-            action: &action,
-            reward: action[0] * see(step)[1],
-            next_observation: &see(step + 1),
-            terminal: step % 17 == 16,
-            episode_end: step % 11 == 10,
-        };
-        agent.observe(&transition).unwrap();
-        agent.update().unwrap();
+        Self { agent: Sac::new(&config, 2, 1, seed).unwrap(), observation: [0.5, -0.5] }
     }
-    bits
-}
 
-/// Every file of a checkpoint, bit for bit.
-fn files(agent: &Sac) -> Vec<(String, Vec<u8>)> {
-    let dir = tempfile::tempdir().unwrap();
-    agent.save(dir.path()).unwrap();
-    let mut files: Vec<_> = std::fs::read_dir(dir.path())
-        .unwrap()
-        .map(|entry| {
-            let path = entry.unwrap().path();
-            let name = path.file_name().unwrap().to_string_lossy().into_owned();
-            (name, std::fs::read(path).unwrap())
-        })
-        .collect();
-    files.sort();
-    files
-}
-
-#[test]
-fn a_seed_fixes_every_bit() {
-    let run = |seed| {
-        let mut agent = Sac::new(&config(), 4, 3, seed).unwrap();
-        (live(&mut agent, 0, 80), files(&agent))
-    };
-    assert!(run(1) == run(1));
-    assert!(run(1).0 != run(2).0);
-}
-
-#[test]
-fn a_loaded_agent_goes_on_as_if_nothing_had_happened() {
-    let mut straight = Sac::new(&config(), 4, 3, 1).unwrap();
-    let mut cut = Sac::new(&config(), 4, 3, 1).unwrap();
-    // Before learning starts, while the ring fills, and after it wrapped.
-    for (from, steps) in [(0, 7), (7, 40), (47, 70)] {
-        let expected = live(&mut straight, from, steps);
-        assert!(live(&mut cut, from, steps) == expected, "steps {from} to {}", from + steps);
-        let dir = tempfile::tempdir().unwrap();
-        cut.save(dir.path()).unwrap();
-        cut = Sac::load(dir.path()).unwrap();
-    }
-    assert!(files(&cut) == files(&straight));
-    assert_eq!((cut.steps(), cut.updates()), (straight.steps(), straight.updates()));
-}
-
-#[test]
-fn the_saved_policy_is_the_one_that_acts() {
-    let mut agent = Sac::new(&config(), 4, 3, 1).unwrap();
-    live(&mut agent, 0, 50);
-    let dir = tempfile::tempdir().unwrap();
-    agent.save_policy(dir.path()).unwrap();
-    let (mut expected, mut found) = ([0.0; 3], [0.0; 3]);
-    let observation = [0.3, -0.2, 0.9, 0.0];
-    agent.act(&observation, Mode::Exploit, &mut expected).unwrap();
-    Policy::load(dir.path()).unwrap().mean(&observation, &mut found);
-    assert_eq!(expected, found);
-    agent.save(dir.path()).unwrap();
-    Policy::load(dir.path()).unwrap().mean(&observation, &mut found);
-    assert_eq!(expected, found);
-}
-
-#[test]
-fn a_damaged_file_is_refused_by_name() {
-    let mut agent = Sac::new(&config(), 4, 3, 1).unwrap();
-    live(&mut agent, 0, 30);
-    for name in ["agent.safetensors", "replay.safetensors", "state.json"] {
-        for damage in ["cut", "missing", "other"] {
-            let dir = tempfile::tempdir().unwrap();
-            agent.save(dir.path()).unwrap();
-            let path = dir.path().join(name);
-            match damage {
-                "cut" => {
-                    let bytes = std::fs::read(&path).unwrap();
-                    std::fs::write(&path, &bytes[..bytes.len() - 9]).unwrap();
-                }
-                "missing" => std::fs::remove_file(&path).unwrap(),
-                _ => std::fs::write(&path, b"not what was saved").unwrap(),
+    /// Bits of every action and statistic on the way.
+    fn go(&mut self, steps: usize) -> Vec<u32> {
+        let mut bits = Vec::new();
+        for _ in 0..steps {
+            let mut action = [0.0];
+            self.agent.act(&self.observation, Mode::Explore, &mut action).unwrap();
+            let [position, speed] = self.observation;
+            let next_observation = [position + 0.1 * speed, 0.9 * speed + 0.1 * action[0]];
+            let end = self.agent.steps() % 30 == 29;
+            self.agent
+                .observe(&Transition {
+                    observation: &self.observation,
+                    action: &action,
+                    reward: -next_observation[0].abs(),
+                    next_observation: &next_observation,
+                    terminal: end && position > 0.4,
+                    episode_end: end,
+                })
+                .unwrap();
+            self.observation = if end { [0.5, -0.5] } else { next_observation };
+            bits.push(action[0].to_bits());
+            if let Some(stats) = self.agent.update().unwrap() {
+                let UpdateStats { critic_loss, actor_loss, alpha, entropy, .. } = stats;
+                bits.extend([critic_loss, actor_loss, alpha, entropy].map(f32::to_bits));
             }
-            let error = Sac::load(dir.path()).unwrap_err().to_string();
-            assert!(error.contains(name), "{name} {damage}: {error}");
+        }
+        bits
+    }
+}
+
+/// Every byte that a save consists of: weights, moments, replay, counters and random streams.
+fn bytes(agent: &Sac) -> Vec<Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    agent.save(folder.path()).unwrap();
+    FILES.map(|file| fs::read(folder.path().join(file)).unwrap()).into()
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_and_another_does_not() {
+    let (mut first, mut second, mut other) = (Run::new(3), Run::new(3), Run::new(4));
+    let bits = first.go(90);
+    assert_eq!(bits, second.go(90));
+    assert_eq!(bytes(&first.agent), bytes(&second.agent));
+    assert_ne!(bits, other.go(90));
+}
+
+#[test]
+fn saving_and_loading_changes_nothing() {
+    // In warm-up, at the first updates, and with a ring that has wrapped.
+    for at in [10, 22, 100] {
+        let mut straight = Run::new(3);
+        straight.go(at);
+        let folder = tempfile::tempdir().unwrap();
+        straight.agent.save(folder.path()).unwrap();
+        let agent = Sac::load(folder.path()).unwrap();
+        let mut resumed = Run { agent, observation: straight.observation };
+        assert_eq!(straight.go(60), resumed.go(60), "saved after {at} steps");
+        assert_eq!(bytes(&straight.agent), bytes(&resumed.agent), "saved after {at} steps");
+    }
+}
+
+#[test]
+fn a_saved_policy_acts_like_the_agent() {
+    let mut run = Run::new(3);
+    run.go(60);
+    let folder = tempfile::tempdir().unwrap();
+    run.agent.save_policy(folder.path()).unwrap();
+    let mut policy = Policy::load(folder.path()).unwrap();
+    assert!(policy == run.agent.policy());
+    let (mut by_policy, mut by_agent) = ([0.0], [0.0]);
+    policy.mean(&[0.2, 0.1], &mut by_policy);
+    run.agent.act(&[0.2, 0.1], Mode::Exploit, &mut by_agent).unwrap();
+    assert_eq!(by_policy[0].to_bits(), by_agent[0].to_bits());
+    // Learning on leaves the copy alone.
+    run.go(10);
+    assert!(policy != run.agent.policy());
+}
+
+/// The error of loading after one file was changed; it must name that file.
+fn refused(saved: &Path, file: &str, edit: impl FnOnce(&mut Vec<u8>)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    for name in FILES {
+        fs::copy(saved.join(name), folder.path().join(name)).unwrap();
+    }
+    let path = folder.path().join(file);
+    let mut bytes = fs::read(&path).unwrap();
+    edit(&mut bytes);
+    fs::write(&path, bytes).unwrap();
+    let error: SacError = Sac::load(folder.path()).unwrap_err();
+    let message = error.to_string();
+    assert!(message.contains(file), "{message}");
+    message
+}
+
+fn saved() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Run::new(3);
+    run.go(40);
+    run.agent.save(folder.path()).unwrap();
+    folder
+}
+
+#[test]
+fn a_file_cut_short_is_refused_by_name() {
+    let folder = saved();
+    for file in FILES {
+        let size = fs::read(folder.path().join(file)).unwrap().len();
+        for keep in [0, 1, 7, 8, 100, size / 2, size - 1] {
+            refused(folder.path(), file, |bytes| bytes.truncate(keep));
         }
     }
 }
 
 #[test]
-fn a_checkpoint_of_other_sizes_is_refused() {
-    let save = |agent: &Sac, dir: &Path| agent.save(dir).unwrap();
-    let (dir, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let mut agent = Sac::new(&config(), 4, 3, 1).unwrap();
-    live(&mut agent, 0, 30);
-    save(&agent, dir.path());
-    let wide = SacConfig { hidden: vec![24, 16], ..config() };
-    save(&Sac::new(&wide, 4, 3, 1).unwrap(), other.path());
-    std::fs::copy(other.path().join("agent.safetensors"), dir.path().join("agent.safetensors"))
-        .unwrap();
-    let error = Sac::load(dir.path()).unwrap_err().to_string();
-    assert!(error.contains("agent.safetensors"), "{error}");
+fn a_missing_file_is_refused_by_name() {
+    for file in FILES {
+        let folder = saved();
+        fs::remove_file(folder.path().join(file)).unwrap();
+        let message = Sac::load(folder.path()).unwrap_err().to_string();
+        assert!(message.contains(file), "{message}");
+    }
+}
+
+#[test]
+fn files_that_cannot_be_what_was_saved_are_refused() {
+    let folder = saved();
+    let replace = |bytes: &mut Vec<u8>, from: &str, to: &str| {
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        bytes.splice(at..at + from.len(), to.bytes());
+    };
+    let last = |bytes: &mut Vec<u8>, value: [u8; 4]| {
+        let at = bytes.len() - 4;
+        bytes[at..].copy_from_slice(&value);
+    };
+    let message = refused(folder.path(), FILES[0], |b| last(b, f32::NAN.to_le_bytes()));
+    assert!(message.contains("is NaN"), "{message}");
+    let message = refused(folder.path(), FILES[1], |b| last(b, [7; 4]));
+    assert!(message.contains("not a flag"), "{message}");
+    refused(folder.path(), FILES[0], |b| b[9] ^= 0x40);
+    refused(folder.path(), FILES[0], |b| replace(b, "actor.0.weight", "actor.9.weight"));
+    refused(folder.path(), FILES[1], |b| b.extend([0; 4]));
+    let message =
+        refused(folder.path(), FILES[2], |b| replace(b, "\"format\": 1", "\"format\": 9"));
+    assert!(message.contains("format 9"), "{message}");
+    refused(folder.path(), FILES[2], |b| replace(b, "\"steps\"", "\"stops\""));
+    // The replay does not say where the ring goes on: the state does.
+    refused(folder.path(), FILES[1], |b| {
+        let other = tempfile::tempdir().unwrap();
+        let mut run = Run::new(3);
+        run.go(35);
+        run.agent.save(other.path()).unwrap();
+        *b = fs::read(other.path().join(FILES[1])).unwrap();
+    });
 }

@@ -1,146 +1,146 @@
-"""Twenty updates of soft actor-critic in PyTorch, in float64, for golden.rs.
+"""Twenty updates of soft actor-critic in PyTorch (float64), as a fixture for src/golden.rs.
 
-    pip install torch numpy && python make_torch.py
+    python3 -m venv venv && venv/bin/pip install torch safetensors numpy
+    venv/bin/python crates/palpate-sac/tests/data/make_torch.py
 
-Writes torch.safetensors beside this file: first weights, batches with their noise, last weights. The networks,
-the density and the optimiser are PyTorch's own; only the flat order of the weights is ours.
+Written from Haarnoja et al. 2018 (arXiv 1812.05905), with torch's own autograd, layer_norm, Adam and
+tanh transform. The fixture holds first weights, batches, noise, what every update reports and the last
+weights, with LayerNorm in the critics ("norm") and without ("bare"). Weights are (inputs, outputs).
+
+The derivative of ReLU at 0 plays no part: the script refuses a fixture in which a pre-activation comes
+closer to zero than float32 rounding could move it.
 """
 
-import json
-import pathlib
-import struct
+import math
+from pathlib import Path
 
-import numpy as np
 import torch
-from torch import nn
-from torch.distributions import Normal, TanhTransform
+import torch.nn.functional as F
+from safetensors.torch import save_file
 
 OBSERVATION, ACTION, HIDDEN, BATCH, UPDATES = 5, 3, (16, 16), 8, 20
-RATE, TAU, ALPHA, TARGET_ENTROPY, LOG_STD = 1e-3, 0.05, 0.1, -1.5, (-5.0, 2.0)
+ACTOR_RATE, CRITIC_RATE, ALPHA_RATE = 1e-3, 2e-3, 3e-3
+ALPHA, TAU, TARGET_ENTROPY, LOG_STD = 0.2, 0.05, -3.0, (-5.0, 2.0)
 
 torch.set_default_dtype(torch.float64)
-torch.set_num_threads(1)
+generator = torch.Generator().manual_seed(20)
 
 
-def network(inputs, outputs, layer_norm):
-    layers, width = [], inputs
-    for units in HIDDEN:
-        layers.append(nn.Linear(width, units))
-        if layer_norm:
-            layers.append(nn.LayerNorm(units, elementwise_affine=False))
-        layers.append(nn.ReLU())
-        width = units
-    return nn.Sequential(*layers, nn.Linear(width, outputs))
+def single(x):
+    """The nearest float32: what the fixture holds is what is computed with."""
+    return x.float().double()
 
 
-def flat(net):
-    """W1 (in, out) row-major, b1, W2, …"""
-    parts = []
-    for layer in net:
-        if isinstance(layer, nn.Linear):
-            parts += [layer.weight.detach().T.reshape(-1), layer.bias.detach()]
-    return torch.cat(parts)
+def normal(*shape):
+    return single(torch.randn(*shape, generator=generator))
 
 
-def act(actor, observation, noise):
-    mean, raw = actor(observation).chunk(2, dim=1)
+def first_weights(inputs, outputs):
+    sizes = [inputs, *HIDDEN, outputs]
+    layers = []
+    for i, o in zip(sizes, sizes[1:]):
+        layers += [single(normal(i, o) / math.sqrt(i)), single(0.3 * normal(o))]
+    return layers
+
+
+FIRST = {"actor": first_weights(OBSERVATION, 2 * ACTION)}
+for number in "12":
+    FIRST[f"critic_{number}"] = first_weights(OBSERVATION + ACTION, 1)
+    FIRST[f"target_{number}"] = first_weights(OBSERVATION + ACTION, 1)
+FACTORS = torch.tensor([0.0, 0.98, 0.98**2, 0.98**5])
+BATCHES = {
+    "observation": normal(UPDATES, BATCH, OBSERVATION),
+    "action": single(torch.tanh(normal(UPDATES, BATCH, ACTION))),
+    "reward": normal(UPDATES, BATCH),
+    "discount": single(FACTORS[torch.randint(4, (UPDATES, BATCH), generator=generator)]),
+    "bootstrap_observation": normal(UPDATES, BATCH, OBSERVATION),
+    "target_noise": normal(UPDATES, BATCH, ACTION),
+    "actor_noise": normal(UPDATES, BATCH, ACTION),
+}
+closest = math.inf
+
+
+def network(layers, x, norm):
+    global closest
+    for weight, bias in zip(layers[:-2:2], layers[1:-2:2]):
+        x = x @ weight + bias
+        x = F.layer_norm(x, x.shape[-1:], eps=1e-5) if norm else x
+        closest = min(closest, x.detach().abs().min().item())
+        x = F.relu(x)
+    return x @ layers[-2] + layers[-1]
+
+
+def policy(layers, observation, noise):
+    mean, raw = network(layers, observation, False).chunk(2, -1)
     low, high = LOG_STD
-    std = torch.exp(low + 0.5 * (high - low) * (torch.tanh(raw) + 1))
+    std = (low + 0.5 * (high - low) * (torch.tanh(raw) + 1)).exp()
     u = mean + std * noise
-    log_density = Normal(mean, std).log_prob(u).sum(1)
-    transform = TanhTransform()
+    transform = torch.distributions.TanhTransform()
     action = transform(u)
-    return action, log_density - transform.log_abs_det_jacobian(u, action).sum(1)
+    log_density = torch.distributions.Normal(mean, std).log_prob(u)
+    return action, (log_density - transform.log_abs_det_jacobian(u, action)).sum(-1)
 
 
-def run(layer_norm, actor, critics, batches):
-    targets = [network(OBSERVATION + ACTION, 1, layer_norm) for _ in critics]
-    for target, critic in zip(targets, critics):
-        target.load_state_dict(critic.state_dict())
-    log_alpha = torch.tensor([np.log(ALPHA)], requires_grad=True)
-    adam = lambda parameters: torch.optim.Adam(parameters, lr=RATE)
-    actor_adam, alpha_adam = adam(actor.parameters()), adam([log_alpha])
-    critic_adam = adam([p for critic in critics for p in critic.parameters()])
-    value = lambda nets, o, a: torch.minimum(*[net(torch.cat([o, a], 1)).squeeze(1) for net in nets])
-    for b in batches:
+def lower(nets, names, observation, action, norm):
+    x = torch.cat([observation, action], -1)
+    return torch.minimum(*(network(nets[n], x, norm) for n in names)).squeeze(-1)
+
+
+def run(norm):
+    nets = {name: [x.clone().requires_grad_() for x in layers] for name, layers in FIRST.items()}
+    critics, targets = ("critic_1", "critic_2"), ("target_1", "target_2")
+    log_alpha = single(torch.tensor([math.log(ALPHA)])).requires_grad_()
+    actor_adam = torch.optim.Adam(nets["actor"], lr=ACTOR_RATE)
+    critic_adam = torch.optim.Adam(nets["critic_1"] + nets["critic_2"], lr=CRITIC_RATE)
+    alpha_adam = torch.optim.Adam([log_alpha], lr=ALPHA_RATE)
+    reports = []
+    for i in range(UPDATES):
+        b = {name: values[i] for name, values in BATCHES.items()}
         alpha = log_alpha.detach().exp()
         with torch.no_grad():
-            action, log_density = act(actor, b["bootstrap"], b["target_noise"])
-            y = b["reward"] + b["discount"] * (value(targets, b["bootstrap"], action) - alpha * log_density)
-        inputs = torch.cat([b["observation"], b["action"]], 1)
-        loss = sum(0.5 * ((critic(inputs).squeeze(1) - y) ** 2).mean() for critic in critics)
+            action, log_p = policy(nets["actor"], b["bootstrap_observation"], b["target_noise"])
+            q = lower(nets, targets, b["bootstrap_observation"], action, norm)
+            y = b["reward"] + b["discount"] * (q - alpha * log_p)
+
+        x = torch.cat([b["observation"], b["action"]], -1)
+        qs = [network(nets[name], x, norm).squeeze(-1) for name in critics]
+        critic_loss = sum(0.5 * F.mse_loss(q, y) for q in qs)
         critic_adam.zero_grad()
-        loss.backward()
+        critic_loss.backward()
         critic_adam.step()
 
-        action, log_density = act(actor, b["observation"], b["actor_noise"])
-        loss = (alpha * log_density - value(critics, b["observation"], action)).mean()
+        action, log_p = policy(nets["actor"], b["observation"], b["actor_noise"])
+        q = lower(nets, critics, b["observation"], action, norm)
+        actor_loss = (alpha * log_p - q).mean()
         actor_adam.zero_grad()
-        loss.backward()
+        actor_loss.backward()
         actor_adam.step()
 
-        loss = -(log_alpha * (log_density.detach().mean() + TARGET_ENTROPY)).sum()
         alpha_adam.zero_grad()
-        loss.backward()
+        (-log_alpha * (log_p.detach() + TARGET_ENTROPY).mean()).sum().backward()
         alpha_adam.step()
 
         with torch.no_grad():
             for target, critic in zip(targets, critics):
-                for t, c in zip(target.parameters(), critic.parameters()):
-                    t += TAU * (c - t)
-    return {
-        "actor": flat(actor),
-        "critic_0": flat(critics[0]),
-        "critic_1": flat(critics[1]),
-        "target_0": flat(targets[0]),
-        "target_1": flat(targets[1]),
-        "log_alpha": log_alpha.detach(),
-    }
+                for t, c in zip(nets[target], nets[critic]):
+                    t.mul_(1 - TAU).add_(TAU * c)
+        values = [critic_loss, actor_loss, alpha, -log_p.mean(), qs[0].mean(), y.mean()]
+        reports.append(torch.stack([v.detach().reshape(()) for v in values]))
+    last = {name: flat(layers) for name, layers in nets.items()}
+    return last | {"log_alpha": log_alpha.detach(), "reports": torch.stack(reports)}
 
 
-def main():
-    generator = torch.Generator().manual_seed(7)
-    normal = lambda *shape: torch.randn(*shape, generator=generator).float().double()
-    batches = []
-    for _ in range(UPDATES):
-        steps = torch.randint(1, 6, (BATCH,), generator=generator)
-        terminal = torch.rand(BATCH, generator=generator) < 0.2
-        batches.append({
-            "observation": normal(BATCH, OBSERVATION),
-            "action": torch.tanh(normal(BATCH, ACTION)).float().double(),
-            "reward": normal(BATCH),
-            # γ^steps of n-step returns of unlike length, 0 after a terminal step.
-            "discount": torch.where(terminal, 0.0, 0.98**steps).float().double(),
-            "bootstrap": normal(BATCH, OBSERVATION),
-            "target_noise": normal(BATCH, ACTION),
-            "actor_noise": normal(BATCH, ACTION),
-        })
-    tensors = {name: torch.stack([b[name] for b in batches]) for name in batches[0]}
-    for layer_norm in (False, True):
-        torch.manual_seed(11)
-        actor = network(OBSERVATION, 2 * ACTION, False)
-        critics = [network(OBSERVATION + ACTION, 1, layer_norm) for _ in range(2)]
-        for net in (actor, *critics):
-            for p in net.parameters():
-                p.data = p.data.float().double()
-        prefix = "norm." if layer_norm else "plain."
-        for name, net in (("actor", actor), ("critic_0", critics[0]), ("critic_1", critics[1])):
-            tensors[f"{prefix}first.{name}"] = flat(net)
-        for name, values in run(layer_norm, actor, critics, batches).items():
-            tensors[f"{prefix}last.{name}"] = values
-    write(pathlib.Path(__file__).with_name("torch.safetensors"), tensors)
+def flat(layers):
+    return torch.cat([x.detach().reshape(-1) for x in layers])
 
 
-def write(path, tensors):
-    header, body = {"__metadata__": {"torch": torch.__version__}}, b""
-    for name, values in tensors.items():
-        data = values.numpy().astype("<f4").tobytes()
-        header[name] = {"dtype": "F32", "shape": list(values.shape), "data_offsets": [len(body), len(body) + len(data)]}
-        body += data
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 8)
-    path.write_bytes(struct.pack("<Q", len(text)) + text + body)
-
-
-if __name__ == "__main__":
-    main()
+fixture = dict(BATCHES)
+for name, layers in FIRST.items():
+    fixture[f"first.{name}"] = flat(layers)
+for name, norm in (("norm", True), ("bare", False)):
+    for key, values in run(norm).items():
+        fixture[f"{name}.{key}"] = values
+assert closest > 2e-6, f"a pre-activation of {closest}: choose another seed"
+path = Path(__file__).with_name("torch.safetensors")
+save_file({k: v.float().contiguous() for k, v in fixture.items()}, path)
+print(f"torch {torch.__version__}, {path.stat().st_size} bytes, closest pre-activation {closest:.1e}")
