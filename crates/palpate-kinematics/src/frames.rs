@@ -36,7 +36,7 @@ impl<const N: usize> SerialChain<N> {
     /// A link's frame has its joint's axis as +z and the point of that axis nearest to the joint before as
     /// its origin, and moves with the joint. It is the URDF's frame of the link where the joint's axis is z
     /// and its origin has no part along it, as in the URDFs of this project; other URDFs of the same arm, and
-    /// calibrations with δd of many metres, still have their link frames in the same places.
+    /// calibrations with δd of many metres, still have their links' origins in the same places.
     ///
     /// ```
     /// # use palpate_kinematics::SerialChain;

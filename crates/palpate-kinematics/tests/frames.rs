@@ -11,9 +11,9 @@ use sets::URDFS;
 fn up_to<const M: usize>(urdf: &str, link: &str, q: &[f64], frame: &LinkFrame) {
     let piece = SerialChain::<M>::from_urdf_str(urdf, "base_link", link).unwrap();
     let pose = piece.forward(&nalgebra::SVector::from_column_slice(&q[..M]));
-    assert!((frame.origin - pose.translation.vector).norm() < 1e-14, "{link}");
+    assert!((frame.origin - pose.translation.vector).norm() < 1e-13, "{link}");
     let rotation = pose.rotation.to_rotation_matrix().into_inner();
-    assert!((frame.rotation - rotation).amax() < 1e-14, "{link}");
+    assert!((frame.rotation - rotation).amax() < 1e-13, "{link}");
 }
 
 #[test]
@@ -43,8 +43,8 @@ fn every_frame_stands_on_its_joints_axis() {
         let (frames, tip) = odd.frames(&q);
         let J = odd.kinematics(&q).jacobian(Frame::BaseAligned);
         for (i, frame) in frames.iter().enumerate() {
-            let z: Vector3<f64> = frame.rotation.column(2).into();
-            let v: Vector3<f64> = J.fixed_view::<3, 1>(0, i).into();
+            let z: Vector3<f64> = frame.rotation.column(2).into_owned();
+            let v: Vector3<f64> = J.fixed_view::<3, 1>(0, i).into_owned();
             let slides = odd.joint_names()[i] == "slide";
             let expected = if slides { z } else { z.cross(&(tip.origin - frame.origin)) };
             assert!((v - expected).norm() < 1e-13, "joint {i}");
@@ -66,7 +66,7 @@ fn a_calibration_moves_no_link_far() {
         let (a, b) = (real.frames(&q).0, nominal.frames(&q).0);
         for i in 0..6 {
             let apart = (a[i].origin - b[i].origin).norm();
-            assert!(apart < 0.02, "link {i} is {apart} m from its nominal place");
+            assert!(apart < 0.05, "link {i} is {apart} m from its nominal place");
         }
     }
 }

@@ -62,7 +62,7 @@ proptest! {
 
     #[test]
     fn seeds_next_to_two_pi_keep_their_turn(
-        joint in prop::sample::select(vec![0, 1, 3, 5]),
+        joint in prop::sample::select(vec![0usize, 1, 3, 5]),
         side in prop::sample::select(vec![-1.0, 1.0]),
         before in 0.0..0.05f64,
         step in -0.05..0.05f64,
