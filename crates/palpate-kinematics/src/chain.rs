@@ -121,6 +121,20 @@ impl<const N: usize> SerialChain<N> {
     }
 
     /// Everything about one configuration, computed once: pose, Jacobian, singularity measures.
+    ///
+    /// ```
+    /// # use palpate_kinematics::{Frame, SerialChain};
+    /// # use palpate_spatial::JointVector;
+    /// # let urdf = include_str!("../../../assets/robots/ur3e.urdf");
+    /// let chain = SerialChain::<6>::from_urdf_str(urdf, "base_link", "tool0")?;
+    /// let q = JointVector::from([0.3, -1.2, 1.9, -2.0, -1.6, 0.4]);
+    /// let here = chain.kinematics(&q);
+    /// assert_eq!(here.pose(), chain.forward(&q));
+    /// // (v, ω) of the tool while the shoulder pans at 1 rad/s.
+    /// let twist = here.jacobian(Frame::BaseAligned) * JointVector::from([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    /// assert!((twist[0] + here.pose().translation.y).abs() < 1e-12);
+    /// # Ok::<(), palpate_kinematics::ModelError>(())
+    /// ```
     #[inline]
     pub fn kinematics(&self, q: &SVector<f64, N>) -> Kinematics<N> {
         let (sin, cos) = sin_cos(q);

@@ -63,6 +63,18 @@ impl<const N: usize> DhTable<N> {
 impl<const N: usize> SerialChain<N> {
     /// Builds the chain of a Denavit-Hartenberg table whose first frame stands at `base_T_dh`.
     ///
+    /// ```
+    /// # use palpate_kinematics::{DhTable, SerialChain, UR_JOINTS, UrModel};
+    /// # use palpate_spatial::{JointVector, Pose};
+    /// let (dh, limits) = (UrModel::Ur5e.dh(), UrModel::Ur5e.limits());
+    /// let on_a_table = Pose::translation(0.0, 0.0, 0.8);
+    /// let chain = SerialChain::from_dh(&dh, &on_a_table, &limits, UR_JOINTS)?;
+    /// let q = JointVector::from([0.3, -1.2, 1.9, -2.0, -1.6, 0.4]);
+    /// let expected = on_a_table * dh.forward(&q);
+    /// assert!((chain.forward(&q).translation.vector - expected.translation.vector).norm() < 1e-12);
+    /// # Ok::<(), palpate_kinematics::ModelError>(())
+    /// ```
+    ///
     /// # Errors
     /// A figure that is not finite, or a limit that is empty or not positive.
     pub fn from_dh(

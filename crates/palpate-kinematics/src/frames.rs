@@ -33,7 +33,10 @@ impl From<&Rigid> for LinkFrame {
 impl<const N: usize> SerialChain<N> {
     /// base_T_link of every moving link, base to tip, and base_T_tip: for collision geometry.
     ///
-    /// A link's frame is its joint's frame in the URDF, turned (or slid) with the joint.
+    /// A link's frame has its joint's axis as +z and the point of that axis nearest to the joint before as
+    /// its origin, and moves with the joint. It is the URDF's frame of the link where the joint's axis is z
+    /// and its origin has no part along it, as in the URDFs of this project; other URDFs of the same arm, and
+    /// calibrations with δd of many metres, still have their links' origins in the same places.
     ///
     /// ```
     /// # use palpate_kinematics::SerialChain;

@@ -156,7 +156,7 @@ impl<const N: usize> SerialChain<N> {
             |(joint, value, lower, upper)| IkError::LimitViolation { joint, value, lower, upper };
         self.check_limits(&q, options.limit_margin).map_err(outside)?;
         let max_step = self.check_step(&q, seed, options)?;
-        if options.min_singular_value > 0.0 {
+        if !(options.min_singular_value <= 0.0) {
             let sigma_min = self.kinematics(&q).smallest_singular_value();
             if !(sigma_min >= options.min_singular_value) {
                 return Err(IkError::NearSingular {

@@ -31,7 +31,20 @@ impl<const N: usize> Kinematics<N> {
         self.singular_values()[N.min(6) - 1]
     }
 
-    /// Yoshikawa's manipulability √det(J·Jᵀ), the product of the singular values.
+    /// Yoshikawa's manipulability √det(J·Jᵀ), the product of the singular values; of a chain of fewer
+    /// than six joints √det(Jᵀ·J).
+    ///
+    /// ```
+    /// # use palpate_kinematics::{Frame, SerialChain};
+    /// # use palpate_spatial::JointVector;
+    /// # let urdf = include_str!("../../../assets/robots/ur3e.urdf");
+    /// let chain = SerialChain::<6>::from_urdf_str(urdf, "base_link", "tool0")?;
+    /// let here = chain.kinematics(&JointVector::from([0.3, -1.2, 1.9, -2.0, -1.6, 0.4]));
+    /// // Six joints: the size of the determinant.
+    /// let determinant = here.jacobian(Frame::BaseAligned).determinant();
+    /// assert!((here.manipulability() - determinant.abs()).abs() < 1e-12);
+    /// # Ok::<(), palpate_kinematics::ModelError>(())
+    /// ```
     ///
     /// # References
     /// Yoshikawa 1985, doi:10.1177/027836498500400201.

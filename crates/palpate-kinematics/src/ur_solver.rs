@@ -98,6 +98,22 @@ impl UrSolver {
     /// With [`IkOptions::max_step`] or [`IkOptions::period`] set, another branch is returned only where it
     /// is that near, so a control loop may use this as it uses [`SerialChain::solve_near`].
     ///
+    /// ```
+    /// # use palpate_kinematics::{DhTable, IkOptions, UrModel, UrSolver};
+    /// # use palpate_spatial::JointVector;
+    /// # let zero = DhTable { theta: [0.0; 6], d: [0.0; 6], a: [0.0; 6], alpha: [0.0; 6] };
+    /// # let delta = DhTable { alpha: [1e-3, -5e-4, 8e-4, 0.0, 0.0, 0.0], ..zero };
+    /// let arm = UrSolver::new(UrModel::Ur5e.calibrated_chain(&delta)?, UrModel::Ur5e)?;
+    /// let goal = JointVector::from([2.0, -1.0, -1.5, 0.5, 1.2, -2.0]);
+    /// let base_T_tool = arm.chain().forward(&goal);
+    /// let seed = JointVector::from([-1.0, -1.57, 1.57, -1.57, -1.57, 0.0]);
+    /// assert!(arm.solve_near(&base_T_tool, &seed, &IkOptions::default()).is_ok());
+    /// // The same in a control loop: too far for one period.
+    /// let in_time = IkOptions { period: Some(0.002), ..IkOptions::default() };
+    /// assert!(arm.solve_near(&base_T_tool, &seed, &in_time).is_err());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// As [`SerialChain::solve_near`], for the search from the seed; [`IkError::Unreachable`] also where
     /// the closed form of a nominal arm proves it.

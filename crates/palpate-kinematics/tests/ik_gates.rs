@@ -61,6 +61,50 @@ proptest! {
     }
 
     #[test]
+    fn seeds_next_to_two_pi_keep_their_turn(
+        joint in prop::sample::select(vec![0usize, 1, 3, 5]),
+        side in prop::sample::select(vec![-1.0, 1.0]),
+        before in 0.0..0.05f64,
+        step in -0.05..0.05f64,
+    ) {
+        let chain = sets::ur(UrModel::Ur5e);
+        let (mut seed, mut goal) = (JointVector::from(HOME), JointVector::from(HOME));
+        seed[joint] = side * (TAU - before);
+        goal[joint] = seed[joint] + step;
+        prop_assume!((goal[joint].abs() - TAU).abs() > 1e-6);
+        let found = chain.solve_near(&chain.forward(&goal), &seed, &defaults());
+        if goal[joint].abs() <= TAU {
+            prop_assert!((found.unwrap().q - goal).amax() < 1e-7);
+        } else {
+            let error = found.unwrap_err();
+            let IkError::LimitViolation { joint: which, value, .. } = error else {
+                return Err(TestCaseError::fail(error.to_string()));
+            };
+            prop_assert!(which == joint && (value - goal[joint]).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_reach_is_said_to_be(seed: u64, beyond in 1e-3..3.0f64) {
+        let rng = &mut sets::stream(seed);
+        for model in UrModel::ALL {
+            let (chain, dh) = (sets::ur(model), model.dh());
+            // From the shoulder the tool is never farther than all lengths after it.
+            let longest = dh.a.iter().chain(&dh.d[1..]).map(|x| x.abs()).sum::<f64>();
+            let start = sets::configuration(&chain, rng);
+            let mut target = chain.forward(&sets::configuration(&chain, rng));
+            let shoulder = Vector3::new(0.0, 0.0, dh.d[0]);
+            let direction = (target.translation.vector - shoulder).normalize();
+            target.translation.vector = shoulder + direction * (longest + beyond);
+            let error = chain.solve_near(&target, &start, &defaults()).unwrap_err();
+            prop_assert!(matches!(error, IkError::Unreachable { .. } | IkError::NotConverged { .. }), "{error}");
+            let arm = palpate_kinematics::UrSolver::new(chain, model).unwrap();
+            let error = arm.solve_near(&target, &start, &defaults()).unwrap_err();
+            prop_assert!(matches!(error, IkError::Unreachable { beyond } if beyond > 0.0 && beyond < 10.0), "{error}");
+        }
+    }
+
+    #[test]
     fn nothing_infinite_is_ever_solved(which in 0..13usize, bad in prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(-f64::INFINITY)]) {
         let chain = sets::ur(UrModel::Ur3e);
         let mut q = JointVector::from(HOME);
@@ -191,6 +235,7 @@ fn margins_steps_speeds_and_singular_values_are_gates() {
         IkOptions { period: Some(f64::NAN), ..defaults() },
         IkOptions { limit_margin: f64::NAN, ..defaults() },
         IkOptions { accept: f64::NAN, ..defaults() },
+        IkOptions { min_singular_value: f64::NAN, ..defaults() },
     ] {
         assert!(solve(broken).is_err(), "{broken:?} let a solution pass");
     }

@@ -37,21 +37,52 @@ fn arms() -> Vec<(String, SerialChain<6>)> {
 
 #[test]
 fn a_seed_millimetres_away_always_leads_there() {
-    for (name, chain) in arms() {
+    for (name, chain) in arms().into_iter().chain(large_arms().map(|(_, arm)| arm)) {
         let rng = &mut sets::stream(41);
         let cases = sets::near(&chain, 2000, rng, |rng| sets::configuration(&chain, rng));
         tracks(&chain, &cases, &name);
     }
 }
 
+/// UR5e and UR10e, nominal and as far off as the worst calibration.
+fn large_arms() -> impl Iterator<Item = (UrModel, (String, SerialChain<6>))> {
+    [UrModel::Ur5e, UrModel::Ur10e].into_iter().flat_map(|model| {
+        let off = sets::calibrated(model, CALIBRATIONS[2], &mut sets::stream(45));
+        [
+            (model, (format!("nominal {}", model.name()), sets::ur(model))),
+            (model, (format!("calibrated {}", model.name()), off)),
+        ]
+    })
+}
+
 #[test]
 fn also_at_every_singularity() {
-    for (name, chain) in arms() {
+    let small = arms().into_iter().map(|arm| (UrModel::Ur3e, arm));
+    for (model, (name, chain)) in small.chain(large_arms()) {
         for kind in SINGULARITIES {
             for distance in DISTANCES {
                 let rng = &mut sets::stream(42);
-                let cases = sets::near(&chain, 200, rng, |rng| sets::singular(kind, distance, rng));
+                let cases = sets::near(&chain, 200, rng, |rng| {
+                    sets::singular_of(model, kind, distance, rng)
+                });
                 tracks(&chain, &cases, &format!("{name}, {kind:?} at {distance:.0e}"));
+            }
+        }
+    }
+}
+
+/// A calibrated arm is singular a little beside its nominal one.
+#[test]
+fn also_where_the_calibrated_arm_itself_is_singular() {
+    let small = arms().into_iter().skip(1).map(|arm| (UrModel::Ur3e, arm));
+    for (model, (name, chain)) in small.chain(large_arms()) {
+        for kind in SINGULARITIES {
+            for distance in DISTANCES {
+                let rng = &mut sets::stream(46);
+                let cases = sets::near(&chain, 100, rng, |rng| {
+                    sets::singular_itself(&chain, model, kind, distance, rng)
+                });
+                tracks(&chain, &cases, &format!("{name}, {kind:?} itself at {distance:.0e}"));
             }
         }
     }
@@ -79,8 +110,10 @@ fn far_seeds_always_lead_there_on_a_nominal_arm() {
 
 #[test]
 fn far_seeds_lead_there_on_a_calibrated_arm() {
-    for (name, chain) in arms().into_iter().skip(1) {
-        let share = solved(&chain, UrModel::Ur3e);
+    let small = arms().into_iter().skip(1).map(|arm| (UrModel::Ur3e, arm));
+    let large = large_arms().filter(|(_, (name, _))| name.starts_with("calibrated"));
+    for (model, (name, chain)) in small.chain(large) {
+        let share = solved(&chain, model);
         assert!(share >= 0.97, "{name}: {share}");
     }
 }

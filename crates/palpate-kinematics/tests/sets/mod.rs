@@ -4,7 +4,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use palpate_kinematics::{DhTable, SerialChain, UR_JOINTS, UrModel, UrSolver};
+use palpate_kinematics::{DhTable, Frame, SerialChain, UR_JOINTS, UrModel, UrSolver};
 use palpate_spatial::{JointVector, Pose, UnitQuaternion, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -153,8 +153,18 @@ pub const SINGULARITIES: [Singularity; 3] =
     [Singularity::Wrist, Singularity::Elbow, Singularity::Shoulder];
 pub const DISTANCES: [f64; 9] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 0.0];
 
-/// A random configuration of the nominal UR3e at a distance (rad, at the shoulder m) from a singularity.
+/// [`singular_of`] the UR3e.
 pub fn singular(kind: Singularity, distance: f64, rng: &mut Stream) -> JointVector {
+    singular_of(UrModel::Ur3e, kind, distance, rng)
+}
+
+/// A random configuration of a nominal arm at a distance (rad, at the shoulder m) from a singularity.
+pub fn singular_of(
+    model: UrModel,
+    kind: Singularity,
+    distance: f64,
+    rng: &mut Stream,
+) -> JointVector {
     let mut q = JointVector::from_fn(|_, _| rng.random_range(-6.0..6.0));
     q[2] = rng.random_range(-3.0..3.0);
     let side: f64 = if rng.random() { distance } else { -distance };
@@ -164,7 +174,7 @@ pub fn singular(kind: Singularity, distance: f64, rng: &mut Stream) -> JointVect
         Singularity::Elbow => q[2] = side,
         Singularity::Shoulder => {
             // a2·c2 + a3·c23 + d5·s234 = side, solved for q2.
-            let dh = UrModel::Ur3e.dh();
+            let dh = model.dh();
             let (s34, c34) = (q[2] + q[3]).sin_cos();
             let along = dh.a[1] + dh.a[2] * q[2].cos() + dh.d[4] * s34;
             let across = dh.d[4] * c34 - dh.a[2] * q[2].sin();
@@ -173,6 +183,40 @@ pub fn singular(kind: Singularity, distance: f64, rng: &mut Stream) -> JointVect
         }
     }
     q
+}
+
+/// As [`singular_of`], at a distance (rad, all of them) from where `chain` itself, not its nominal arm, is
+/// singular: det J = 0, found by secants along the joint that leads there.
+pub fn singular_itself(
+    chain: &SerialChain<6>,
+    model: UrModel,
+    kind: Singularity,
+    distance: f64,
+    rng: &mut Stream,
+) -> JointVector {
+    let joint = match kind {
+        Singularity::Wrist => 4,
+        Singularity::Elbow => 2,
+        Singularity::Shoulder => 1,
+    };
+    loop {
+        let nominal = singular_of(model, kind, 0.0, rng);
+        let with = |x: f64| JointVector::from_fn(|i, _| if i == joint { x } else { nominal[i] });
+        let det = |x: f64| chain.kinematics(&with(x)).jacobian(Frame::BaseAligned).determinant();
+        let (mut a, mut b) = (nominal[joint] - 1e-3, nominal[joint]);
+        for _ in 0..30 {
+            let (at_a, at_b) = (det(a), det(b));
+            if at_a == at_b {
+                break;
+            }
+            (a, b) = (b, b - at_b * (b - a) / (at_b - at_a));
+        }
+        // Next to a second singularity the root may be far away or not exist.
+        let sigma_min = chain.kinematics(&with(b)).smallest_singular_value();
+        if (b - nominal[joint]).abs() < 0.05 && sigma_min < 1e-13 {
+            return with(if rng.random() { b + distance } else { b - distance });
+        }
+    }
 }
 
 /// Far seeds: goal and seed both anywhere within the limits.
