@@ -97,7 +97,7 @@ struct Chains<const CHAINS: usize>;
 impl<const CHAINS: usize> pulp::WithSimd for Chains<CHAINS> {
     type Output = usize;
 
-    #[expect(clippy::inline_always, reason = "compiled for the vector unit only inside its caller")]
+    // Compiled for the vector unit only inside its caller.
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> usize {
         const TURNS: usize = 3_000_000;

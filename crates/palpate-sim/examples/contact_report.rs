@@ -174,14 +174,14 @@ fn solver_effort((steps, iterations, passes): (u32, usize, usize)) -> String {
             continue;
         }
         let p = press(&with(2e-4));
-        line += &format!(
-            "  torque {:7.5} ratio {:+6.3} % worst {:5.2}",
-            p.torque, p.slide[0], p.slide[1]
-        );
+        let (ratio, worst) = (p.slide[0], p.slide[1]);
+        let pressed = format!("  torque {:7.5} ratio {ratio:+6.3} % worst {worst:5.2}", p.torque);
+        line.push_str(&pressed);
         for clearance in [2e-4, 5e-5] {
             let (mut rig, _) = jam(&with(clearance), 0.020);
             let depth = rig.depth();
-            line += &format!(" jam {:6.3} {:4.1} µs", depth * 1e3, cost(&mut rig));
+            let jam = format!(" jam {:6.3} {:4.1} µs", depth * 1e3, cost(&mut rig));
+            line.push_str(&jam);
         }
     }
     line
