@@ -1,7 +1,7 @@
 //! Learned force control for position-controlled robot arms: the composition root.
 //!
 //! Everything below meets here: the simulated arm, the fail-safe layer, the environment and the
-//! learner are built from one resolved [`Config`], trained by [`train::run`], measured by
+//! learner are built from one resolved [`Config`], trained by [`train`], measured by
 //! [`evaluate::run`] and drawn by [`plot::run`]. The `palpate` binary is a thin command line over these.
 
 pub mod baselines;

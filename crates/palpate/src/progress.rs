@@ -30,6 +30,8 @@ pub(crate) struct Progress {
     pub rows: (u64, u64),
     /// Latest evaluation.
     pub evaluated: Option<Evaluation>,
+    /// An evaluation that no row of metrics.csv shows yet.
+    pub(crate) pending: Option<Evaluation>,
     /// The evaluation that the kept policy won with.
     pub best: Option<Evaluation>,
     /// The last [`WINDOW`] episodes, oldest first.

@@ -1,6 +1,6 @@
 //! `train-sim` and `train-real`: the loop that makes a policy.
 //!
-//! One loop for both. What differs is where the steps come from: a [`World`](world::World) that waits for the
+//! One loop for both. What differs is where the steps come from: a `World` that waits for the
 //! learner, or one that cannot wait ([`crate::real`]).
 //!
 //! Checkpoints are taken between episodes, where a simulated world is rebuilt from the seed and the episode's

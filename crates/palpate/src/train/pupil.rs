@@ -35,8 +35,6 @@ pub(crate) struct Pupil {
     command: &'static str,
     /// Latest statistics of the learner, for the next row.
     stats: Option<UpdateStats>,
-    /// Evaluation to put into the next row.
-    pending: Option<Evaluation>,
 }
 
 impl Pupil {
@@ -58,7 +56,6 @@ impl Pupil {
             progress,
             command,
             stats: None,
-            pending: None,
         })
     }
 
@@ -104,7 +101,7 @@ impl Pupil {
     /// Takes in an evaluation; keeps the best policy.
     pub(crate) fn evaluated(&mut self, evaluation: Evaluation) -> Result<()> {
         self.progress.evaluated = Some(evaluation);
-        self.pending = Some(evaluation);
+        self.progress.pending = Some(evaluation);
         if self.progress.best.is_none_or(|best| evaluation.beats(&best)) {
             self.progress.best = Some(evaluation);
             let agent = &self.agent;
@@ -199,9 +196,9 @@ impl Pupil {
     }
 
     fn write_row(&mut self) -> Result<()> {
+        let e = self.progress.pending.take();
         let p = &self.progress;
         let s = self.stats.as_ref();
-        let e = self.pending.take();
         let train = |f: fn(&UpdateStats) -> f32| s.map(f).map(f64::from);
         let eval = |f: fn(&Evaluation) -> f64| e.as_ref().map(f);
         self.metrics.write(
