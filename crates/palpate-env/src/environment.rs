@@ -82,7 +82,7 @@ pub struct Env<R: Guarded> {
     ticks_per_step: u32,
     seed: u64,
     next_episode: u64,
-    faults: u64,
+    rebuilt: u64,
     episode: Option<Episode>,
 }
 
@@ -118,7 +118,7 @@ impl<R: Guarded> Env<R> {
             ticks_per_step,
             seed,
             next_episode: 0,
-            faults: 0,
+            rebuilt: 0,
             episode: None,
         })
     }
@@ -148,9 +148,10 @@ impl<R: Guarded> Env<R> {
         &self.robot
     }
 
-    /// Simulator faults so far; each truncated an episode.
-    pub fn faults(&self) -> u64 {
-        self.faults
+    /// Worlds rebuilt so far: after a simulator fault, and where a tool was stuck on the way back and a person would
+    /// have had to free it. Always 0 on an arm.
+    pub fn rebuilt(&self) -> u64 {
+        self.rebuilt
     }
 
     /// The latest sample of the episode under way.
@@ -206,12 +207,9 @@ impl<R: Guarded> Env<R> {
             let way = drive_to_start(&mut self.robot, &way);
             match way {
                 Ok(measurement) => break measurement,
-                Err(EnvError::Robot(e))
-                    if R::fault(&e) == Some(FaultKind::Simulation) && tries < RESET_TRIES =>
-                {
-                    self.faults += 1;
-                    tracing::warn!(episode = number, error = %e, "simulator fault during reset; rebuilding");
-                    self.robot.recover().map_err(EnvError::Robot)?;
+                Err(e) if tries < RESET_TRIES && is_stuck::<R>(&e) && self.robot.rebuild() => {
+                    self.rebuilt += 1;
+                    tracing::info!(episode = number, error = %e, "the world was rebuilt");
                 }
                 Err(e) => return Err(e),
             }
@@ -320,7 +318,7 @@ impl<R: Guarded> Env<R> {
             match sample {
                 Ok(sample) => episode.observe_peak(&sample),
                 Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => {
-                    self.faults += 1;
+                    self.rebuilt += 1;
                     tracing::warn!(episode = episode.number, error = %e, "simulator fault at rest; rebuilding");
                     return self.robot.recover().map_err(EnvError::Robot);
                 }
@@ -350,7 +348,7 @@ impl<R: Guarded> Env<R> {
 
     /// Ends the episode where the simulator broke down; the observation stays the last good one.
     fn faulted(&mut self, episode: Episode, error: &R::Error) -> Result<Step, EnvError<R::Error>> {
-        self.faults += 1;
+        self.rebuilt += 1;
         tracing::warn!(episode = episode.number, %error, "simulator fault; episode truncated, world rebuilt");
         self.robot.recover().map_err(EnvError::Robot)?;
         Ok(self.finish(episode, RewardTerms::default(), Some(Outcome::Fault), true))
@@ -358,5 +356,14 @@ impl<R: Guarded> Env<R> {
 
     fn true_distance(&self, base_T_tool: &Pose) -> f64 {
         (self.task.base_T_goal().translation.vector - base_T_tool.translation.vector).norm()
+    }
+}
+
+/// A tool that does not come free or a simulation that broke down: what a fresh world mends, if there can be one.
+fn is_stuck<R: Guarded>(error: &EnvError<R::Error>) -> bool {
+    match error {
+        EnvError::Robot(e) => R::fault(e) == Some(FaultKind::Simulation),
+        EnvError::ResetForce(_) | EnvError::ResetRefused(_) | EnvError::AskHuman { .. } => true,
+        _ => false,
     }
 }

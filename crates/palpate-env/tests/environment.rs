@@ -1,31 +1,12 @@
 //! The environment on an ideal arm in free air: loops, episodes, draws and endings.
 #![expect(clippy::unwrap_used, reason = "our own settings load")]
 
-use palpate_control::{ControlConfig, PolicyModel};
-use palpate_env::{Distribution, Env, EnvConfig, EnvError, Outcome, RewardConfig, TaskConfig};
-use palpate_kinematics::SerialChain;
+mod rig;
+
+use palpate_env::{Distribution, Env, EnvConfig, EnvError, Outcome, TaskConfig};
 use palpate_robot_io::IdealArm;
-use palpate_safety::{Safe, SafetyConfig};
-use palpate_spatial::{Pose, UnitQuaternion, Vector3};
-
-#[derive(serde::Deserialize)]
-struct Preset {
-    control: ControlConfig,
-    safety: SafetyConfig,
-    env: EnvConfig,
-    reward: RewardConfig,
-}
-
-#[derive(serde::Deserialize)]
-struct Task {
-    task: TaskConfig,
-}
-
-const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets");
-
-fn read(path: &str) -> String {
-    std::fs::read_to_string(format!("{ASSETS}/{path}")).unwrap()
-}
+use palpate_safety::Safe;
+use palpate_spatial::Vector3;
 
 fn env(seed: u64, change: impl FnOnce(&mut EnvConfig, &mut TaskConfig)) -> Env<Safe<IdealArm>> {
     env_of("p-14", seed, change)
@@ -36,17 +17,8 @@ fn env_of(
     seed: u64,
     change: impl FnOnce(&mut EnvConfig, &mut TaskConfig),
 ) -> Env<Safe<IdealArm>> {
-    let mut preset: Preset = toml::from_str(&read("presets/palpate.toml")).unwrap();
-    let mut task = toml::from_str::<Task>(&read("tasks/peg-insertion.toml")).unwrap().task;
-    change(&mut preset.env, &mut task);
-    let model: PolicyModel = toml::from_str(&read(&format!("policies/{model}.toml"))).unwrap();
-    let chain =
-        SerialChain::from_urdf_file(format!("{ASSETS}/robots/ur3e.urdf"), "base_link", "tool0")
-            .unwrap();
-    let tool0_T_tool =
-        Pose::from_parts(Vector3::new(0.0, 0.0, 0.15).into(), UnitQuaternion::identity());
-    let robot = Safe::new(IdealArm::at(task.q_home), chain, tool0_T_tool, preset.safety).unwrap();
-    Env::new(robot, preset.env, task, preset.reward, &preset.control, &model, seed).unwrap()
+    let arm = IdealArm::at(rig::task().q_home);
+    rig::env(arm, model, seed, |preset, task| change(&mut preset.env, task))
 }
 
 fn fixed(_: &mut EnvConfig, task: &mut TaskConfig) {

@@ -1,30 +1,17 @@
 //! The environment behind the shield, on an ideal arm whose load the test sets.
 #![expect(clippy::unwrap_used, reason = "our own settings load")]
 
+mod rig;
+
 use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
-use palpate_control::{ControlConfig, PolicyModel};
-use palpate_env::{Env, EnvConfig, EnvError, Outcome, RewardConfig, TaskConfig};
-use palpate_kinematics::SerialChain;
+use palpate_env::{Env, EnvError, Outcome};
 use palpate_robot_io::{IdealArm, IdealArmError, JointCommand, RobotBackend, RobotState};
 use palpate_safety::shield::{Cause, Standing};
-use palpate_safety::{Mode, Safe, SafetyConfig};
-use palpate_spatial::{JointVector, Pose, UnitQuaternion, Vector3};
-
-#[derive(serde::Deserialize)]
-struct Preset {
-    control: ControlConfig,
-    safety: SafetyConfig,
-    env: EnvConfig,
-    reward: RewardConfig,
-}
-
-#[derive(serde::Deserialize)]
-struct Task {
-    task: TaskConfig,
-}
+use palpate_safety::{Mode, Safe};
+use palpate_spatial::JointVector;
 
 /// Every set-point that was sent, and a force along tool z.
 #[derive(Debug, Default)]
@@ -68,25 +55,10 @@ impl RobotBackend for Watched {
     }
 }
 
-const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets");
-
-fn read(path: &str) -> String {
-    std::fs::read_to_string(format!("{ASSETS}/{path}")).unwrap()
-}
-
 fn env(mode: Mode) -> (Env<Safe<Watched>>, Rc<Seen>) {
-    let mut preset: Preset = toml::from_str(&read("presets/palpate.toml")).unwrap();
-    preset.safety.mode = mode;
-    let task = toml::from_str::<Task>(&read("tasks/peg-insertion.toml")).unwrap().task;
-    let model: PolicyModel = toml::from_str(&read("policies/p-14.toml")).unwrap();
-    let urdf = format!("{ASSETS}/robots/ur3e.urdf");
-    let chain = SerialChain::from_urdf_file(urdf, "base_link", "tool0").unwrap();
-    let tip = Vector3::new(0.0, 0.0, 0.15);
-    let tool0_T_tool = Pose::from_parts(tip.into(), UnitQuaternion::identity());
     let seen = Rc::new(Seen::default());
-    let arm = Watched(IdealArm::at(task.q_home), Rc::clone(&seen));
-    let robot = Safe::new(arm, chain, tool0_T_tool, preset.safety).unwrap();
-    let env = Env::new(robot, preset.env, task, preset.reward, &preset.control, &model, 3).unwrap();
+    let arm = Watched(IdealArm::at(rig::task().q_home), Rc::clone(&seen));
+    let env = rig::env(arm, "p-14", 3, |preset, _| preset.safety.mode = mode);
     (env, seen)
 }
 

@@ -46,6 +46,12 @@ pub trait RobotBackend {
 
     /// Zeroes the force/torque sensor. Call it at rest, in free air.
     fn tare(&mut self) -> Result<(), Self::Error>;
+
+    /// Puts the arm back to its start in a fresh world, where a tool that is stuck would need a person. Whether
+    /// that was done: only simulations can.
+    fn rebuild(&mut self) -> bool {
+        false
+    }
 }
 
 macro_rules! forward {
@@ -69,6 +75,9 @@ macro_rules! forward {
             }
             fn tare(&mut self) -> Result<(), Self::Error> {
                 (**self).tare()
+            }
+            fn rebuild(&mut self) -> bool {
+                (**self).rebuild()
             }
         }
     };

@@ -17,8 +17,6 @@ pub const LAST: &str = "last";
 /// Finds the policy that the evaluations during training liked best.
 pub const BEST: &str = "best";
 
-/// Folder below the run's.
-const FOLDER: &str = "checkpoints";
 /// Ends the name of a checkpoint that is being written.
 const UNFINISHED: &str = ".tmp";
 /// Ends the name of a checkpoint that another of the same name is about to replace.
@@ -111,12 +109,15 @@ pub struct CheckpointStore {
 }
 
 impl CheckpointStore {
+    /// Folder below the run's.
+    pub(crate) const FOLDER: &str = "checkpoints";
+
     /// The checkpoints of the run in `run`. There may be none yet.
     ///
     /// Any number of readers may look; only the process that holds the [`RunDir`](crate::RunDir)
     /// may save.
     pub fn open(run: &Path) -> Result<Self, RunError> {
-        Ok(Self { dir: run.join(FOLDER) })
+        Ok(Self { dir: run.join(Self::FOLDER) })
     }
 
     /// All checkpoints, the newest of each kind first; unchecked.
@@ -211,15 +212,24 @@ impl CheckpointStore {
         Ok(self.entries()?.iter().find(|e| e.kind == kind).map(|e| e.number))
     }
 
-    /// Removes what a process that was killed had begun.
-    fn sweep(&self) -> Result<(), RunError> {
-        for entry in fs::read_dir(&self.dir).into_iter().flatten().flatten() {
-            let name = entry.file_name();
-            if name.to_str().is_some_and(|n| n.starts_with('.') && n.ends_with(UNFINISHED)) {
-                remove(&entry.path())?;
+    /// Folders of checkpoints that were never finished.
+    pub(crate) fn unfinished(&self) -> Result<Vec<PathBuf>, RunError> {
+        let mut found = Vec::new();
+        if self.dir.is_dir() {
+            for entry in fs::read_dir(&self.dir).at("list", &self.dir)? {
+                let path = entry.at("list", &self.dir)?.path();
+                let name = path.file_name().and_then(|name| name.to_str());
+                if name.is_some_and(|n| n.starts_with('.') && n.ends_with(UNFINISHED)) {
+                    found.push(path);
+                }
             }
         }
-        Ok(())
+        Ok(found)
+    }
+
+    /// Removes what a process that was killed had begun.
+    fn sweep(&self) -> Result<(), RunError> {
+        self.unfinished()?.iter().try_for_each(|path| remove(path))
     }
 
     /// Keeps `newest` and those before it, as many as is due. A later number is from a run that was

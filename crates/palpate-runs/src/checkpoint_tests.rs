@@ -20,7 +20,7 @@ impl Run {
     }
 
     fn folders(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.dir.path().join(FOLDER)).unwrap();
+        let entries = fs::read_dir(self.dir.path().join(CheckpointStore::FOLDER)).unwrap();
         let mut names: Vec<_> =
             entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
@@ -84,7 +84,8 @@ fn after_a_fallback_the_damaged_checkpoint_is_written_again() {
     for step in 1..4 {
         run.save(Slot::Step(step), "first");
     }
-    fs::write(run.dir.path().join(FOLDER).join("step_0000003/state.json"), "torn").unwrap();
+    fs::write(run.dir.path().join(CheckpointStore::FOLDER).join("step_0000003/state.json"), "torn")
+        .unwrap();
     run.save(Slot::Step(3), "second");
     assert_eq!(run.latest(), "second");
     assert_eq!(run.folders(), ["step_0000001", "step_0000002", "step_0000003"]);
@@ -123,7 +124,7 @@ fn a_failing_writer_changes_nothing() {
 #[test]
 fn a_kill_at_any_moment_of_a_replacement_leaves_a_whole_one() {
     let run = Run::new();
-    let dir = run.dir.path().join(FOLDER);
+    let dir = run.dir.path().join(CheckpointStore::FOLDER);
     let path = run.save(Slot::Step(7), "old");
     // Killed while filling …
     fs::create_dir(dir.join(".step_0000007.tmp")).unwrap();
@@ -163,7 +164,7 @@ fn a_folder_in_a_checkpoint_is_refused() {
 fn other_folders_are_left_alone() {
     let run = Run::new();
     run.save(Slot::Step(1), "1");
-    fs::create_dir(run.dir.path().join(FOLDER).join("mine")).unwrap();
+    fs::create_dir(run.dir.path().join(CheckpointStore::FOLDER).join("mine")).unwrap();
     run.save(Slot::Step(2), "2");
     assert_eq!(run.folders(), ["mine", "step_0000001", "step_0000002"]);
 }

@@ -11,8 +11,8 @@ use crate::{CheckpointStore, durable, provenance};
 /// Where runs go that are given no folder.
 const ROOT: &str = "runs";
 /// Makes a folder a run.
-const CONFIG: &str = "config.toml";
-const LOCK: &str = "lock";
+pub(crate) const CONFIG: &str = "config.toml";
+pub(crate) const LOCK: &str = "lock";
 
 /// A run's folder. Who [creates](Self::create) or [opens](Self::open) it is its only writer until the
 /// value is dropped or the process ends in any way.
@@ -32,7 +32,7 @@ impl RunDir {
     pub fn create(out: Option<&Path>, name: &str, config: &str) -> Result<Self, RunError> {
         let path = match out {
             Some(out) => {
-                if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
+                if !is_free(out) {
                     return Err(RunError::NotEmpty(out.to_owned()));
                 }
                 durable::create_dir(out)?;
@@ -53,10 +53,22 @@ impl RunDir {
     ///
     /// If there is no run (the error lists those nearby) or if another process writes it.
     pub fn open(path: &Path) -> Result<Self, RunError> {
-        let mut run = Self::view(path)?;
-        run.lock = Some(lock(path)?);
+        let run = Self::hold(path)?;
         provenance::record(path)?;
         Ok(run)
+    }
+
+    /// The run, held for writing by a process that does not go on with it.
+    pub(crate) fn hold(path: &Path) -> Result<Self, RunError> {
+        let mut run = Self::view(path)?;
+        run.lock = Some(lock(path)?);
+        Ok(run)
+    }
+
+    /// Whether a process writes the run now.
+    pub fn is_written(path: &Path) -> bool {
+        let lock = File::open(path.join(LOCK));
+        lock.is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 
     /// Opens a run to read it; it may be in training.
@@ -107,6 +119,17 @@ pub fn list(folder: &Path) -> Vec<PathBuf> {
         entries.map(|entry| entry.path()).filter(|path| path.join(CONFIG).is_file()).collect();
     runs.sort();
     runs
+}
+
+/// Whether a folder is empty, but for what a run leaves that was killed while it was being created.
+pub(crate) fn is_free(folder: &Path) -> bool {
+    let begun = |name: &Path| {
+        name == Path::new(LOCK)
+            || name == Path::new(provenance::FILE)
+            || name.extension().is_some_and(|extension| extension == "tmp")
+    };
+    let mut entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.all(|entry| begun(Path::new(&entry.file_name())))
 }
 
 /// Makes the first of `root/stamp_name`, `root/stamp_name_2`, … that does not exist.
@@ -199,9 +222,11 @@ mod tests {
         let error = RunDir::create(Some(root.path()), "x", "").unwrap_err();
         assert!(matches!(error, RunError::NotEmpty(_)));
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 1);
-        let empty = root.path().join("empty");
-        fs::create_dir(&empty).unwrap();
-        RunDir::create(Some(&empty), "x", "").unwrap();
+        let begun = root.path().join("begun");
+        RunDir::create(Some(&begun), "x", "").unwrap();
+        fs::remove_file(begun.join(CONFIG)).unwrap();
+        fs::write(begun.join("config.toml.tmp"), "see").unwrap();
+        RunDir::create(Some(&begun), "x", "").unwrap();
     }
 
     #[test]
@@ -213,7 +238,9 @@ mod tests {
         let pid = std::process::id();
         assert!(error.to_string().contains(&format!("another process (pid {pid})")), "{error}");
         assert!(!RunDir::view(&path).unwrap().is_writer());
+        assert!(RunDir::is_written(&path));
         drop(writer);
+        assert!(!RunDir::is_written(&path));
         assert!(RunDir::open(&path).unwrap().is_writer());
     }
 

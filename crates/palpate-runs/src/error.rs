@@ -82,6 +82,32 @@ pub enum RunError {
     },
 }
 
+impl RunError {
+    /// Whether the disk refused: full, over quota, read-only or failing. The same call may succeed once a
+    /// person has made room; nothing of what it was to write is half there then.
+    pub fn is_storage(&self) -> bool {
+        use std::io::ErrorKind as Kind;
+        // EIO has no kind of its own.
+        const FAILING: i32 = 5;
+        let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(self);
+        while let Some(error) = cause {
+            if let Some(io) = error.downcast_ref::<std::io::Error>() {
+                let refused = matches!(
+                    io.kind(),
+                    Kind::StorageFull
+                        | Kind::QuotaExceeded
+                        | Kind::ReadOnlyFilesystem
+                        | Kind::FileTooLarge
+                        | Kind::StaleNetworkFileHandle
+                );
+                return refused || (cfg!(unix) && io.raw_os_error() == Some(FAILING));
+            }
+            cause = error.source();
+        }
+        false
+    }
+}
+
 /// A checkpoint that is not as it was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rejected {

@@ -6,6 +6,7 @@
 //! ├── provenance.json    one entry per start: code, compiler, machine, arguments
 //! ├── metrics.csv        one row per log step; same seed, same bytes
 //! ├── episodes.csv       one row per episode
+//! ├── replay.journal    every transition of a run on an arm, as it happened
 //! ├── tb/                the metrics again, as TensorBoard event files
 //! ├── checkpoints/       step_0020000 (the last three), best_0004 (the last two)
 //! ├── plots/             SVG
@@ -18,9 +19,12 @@
 mod checkpoint;
 pub mod config;
 mod console;
+mod copy;
 mod dir;
 mod durable;
 mod error;
+mod inspect;
+mod journal;
 mod manifest;
 mod metrics;
 pub mod plot;
@@ -32,7 +36,10 @@ mod time;
 
 pub use checkpoint::{BEST, CheckpointStore, Entry, LAST, Slot};
 pub use console::Console;
+pub use copy::copy;
 pub use dir::{RunDir, list};
 pub use error::{Rejected, RunError};
+pub use inspect::{Health, JOURNAL, Part, inspect, repair};
+pub use journal::{Journal, Records};
 pub use metrics::Metrics;
-pub use table::{Csv, Table};
+pub use table::{Csv, Mark, Table};

@@ -9,14 +9,18 @@ use crate::durable;
 use crate::error::{At as _, RunError};
 use crate::time::{Utc, since_epoch};
 
-const FILE: &str = "provenance.json";
+pub(crate) const FILE: &str = "provenance.json";
 
 /// Adds this start to the list in `dir`; the first entry is the run's creation.
 pub(crate) fn record(dir: &Path) -> Result<(), RunError> {
     let path = dir.join(FILE);
     let json = |source| RunError::Json { path: path.clone(), source };
     let mut starts: Vec<Value> = if path.exists() {
-        serde_json::from_slice(&std::fs::read(&path).at("read", &path)?).map_err(json)?
+        let bytes = std::fs::read(&path).at("read", &path)?;
+        serde_json::from_slice(&bytes).map_err(|error| RunError::Table {
+            path: path.clone(),
+            reason: format!("damaged ({error}); `palpate runs repair` sets it aside"),
+        })?
     } else {
         Vec::new()
     };

@@ -12,52 +12,74 @@ use crate::RunError;
 use crate::config::nearest;
 use crate::error::At as _;
 
+/// Where a table ends, for a checkpoint to remember: what was written by then must be there, byte for byte, when the
+/// run goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mark {
+    /// Rows.
+    pub rows: u64,
+    /// Bytes, the header's included.
+    bytes: u64,
+    /// Of these bytes.
+    crc32c: u32,
+}
+
 /// A CSV file that grows by whole rows.
 #[derive(Debug)]
 pub struct Table {
     path: PathBuf,
     file: File,
     columns: usize,
-    rows: u64,
+    /// Behind the last whole row.
+    mark: Mark,
+    /// A failed append may have left half a row behind `end`.
+    torn: bool,
     line: String,
 }
 
 impl Table {
-    /// Opens a table and cuts it to its first `rows` rows; with 0 it is created, or emptied.
+    /// Opens a table and cuts it where a checkpoint left it; with the default mark it is created, or emptied.
     ///
     /// # Errors
     ///
-    /// If it has other columns or fewer rows: it is not the one that the checkpoint counted.
-    pub fn open(path: &Path, columns: &[&str], rows: u64) -> Result<Self, RunError> {
+    /// If it has other columns, or if what was written by then is not there any more, byte for byte.
+    pub fn open(path: &Path, columns: &[&str], mark: Mark) -> Result<Self, RunError> {
         let wrong = |reason: String| RunError::Table { path: path.to_owned(), reason };
         if let Some(name) = columns.iter().find(|name| name.contains([',', '"', '\n', '\r'])) {
             return Err(wrong(format!("the column name {name:?} does not fit into CSV")));
         }
         let header = format!("{}\n", columns.join(","));
-        let end = if rows == 0 {
+        let mark = if mark == Mark::default() {
             fs::write(path, &header).at("create", path)?;
-            header.len()
+            Mark { rows: 0, bytes: header.len() as u64, crc32c: crc32c::crc32c(header.as_bytes()) }
         } else {
-            let text = fs::read_to_string(path).at("read", path)?;
-            if !text.starts_with(&header) {
-                let found = text.lines().next().unwrap_or_default();
+            let bytes = fs::read(path).at("read", path)?;
+            if !bytes.starts_with(header.as_bytes()) {
+                let found = String::from_utf8_lossy(&bytes);
                 return Err(wrong(format!(
-                    "its columns are {found}, where this version writes {}",
+                    "its columns are {}, where this version writes {}",
+                    found.lines().next().unwrap_or_default(),
                     columns.join(",")
                 )));
             }
-            let mut ends = text.match_indices('\n').skip(1).map(|(at, _)| at + 1);
-            let present = ends.clone().count();
-            ends.nth(rows as usize - 1)
-                .ok_or_else(|| wrong(format!("it has {present} rows, the checkpoint {rows}")))?
+            let kept = bytes.get(..mark.bytes as usize);
+            if kept.is_none_or(|kept| crc32c::crc32c(kept) != mark.crc32c) {
+                return Err(wrong(format!(
+                    "its first {} rows are not as the checkpoint left them",
+                    mark.rows
+                )));
+            }
+            mark
         };
         let mut file = File::options().write(true).open(path).at("open", path)?;
-        file.set_len(end as u64).at("cut", path)?;
+        file.set_len(mark.bytes).at("cut", path)?;
         file.seek(SeekFrom::End(0)).at("open", path)?;
-        Ok(Self { path: path.to_owned(), file, columns: columns.len(), rows, line: String::new() })
+        let columns = columns.len();
+        Ok(Self { path: path.to_owned(), file, columns, mark, torn: false, line: String::new() })
     }
 
-    /// Appends a row, one value per column.
+    /// Appends a row, one value per column. After an error it can be tried again.
     pub fn write(&mut self, values: &[Option<f64>]) -> Result<(), RunError> {
         if values.len() != self.columns {
             let reason = format!("a row of {} values for {} columns", values.len(), self.columns);
@@ -73,15 +95,26 @@ impl Table {
             }
         }
         self.line.push('\n');
+        if self.torn {
+            self.file.set_len(self.mark.bytes).at("cut", &self.path)?;
+            self.file.seek(SeekFrom::End(0)).at("cut", &self.path)?;
+            self.torn = false;
+        }
         // In one piece, so that who looks on sees whole rows.
-        self.file.write_all(self.line.as_bytes()).at("append to", &self.path)?;
-        self.rows += 1;
+        let written = self.file.write_all(self.line.as_bytes());
+        self.torn = written.is_err();
+        written.at("append to", &self.path)?;
+        self.mark = Mark {
+            rows: self.mark.rows + 1,
+            bytes: self.mark.bytes + self.line.len() as u64,
+            crc32c: crc32c::crc32c_append(self.mark.crc32c, self.line.as_bytes()),
+        };
         Ok(())
     }
 
-    /// Rows written so far.
-    pub fn rows(&self) -> u64 {
-        self.rows
+    /// Where it ends now.
+    pub fn mark(&self) -> Mark {
+        self.mark
     }
 
     /// Waits until all rows would survive a power cut.
@@ -126,6 +159,11 @@ impl Csv {
         };
         let rows = lines.enumerate().map(row).collect::<Result<_, _>>()?;
         Ok(Self { path: path.to_owned(), columns, rows })
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows.len()
     }
 
     /// Names of the columns.
@@ -181,7 +219,7 @@ mod tests {
             f64::INFINITY,
             f64::NEG_INFINITY,
         ];
-        let mut table = Table::open(&path, COLUMNS, 0).unwrap();
+        let mut table = Table::open(&path, COLUMNS, Mark::default()).unwrap();
         for value in values {
             table.write(&[Some(value), None]).unwrap();
         }
@@ -203,36 +241,48 @@ mod tests {
     #[test]
     fn a_resumed_table_forgets_later_rows() {
         let (_dir, path) = table();
-        let mut straight = Table::open(&path, COLUMNS, 0).unwrap();
+        let mut straight = Table::open(&path, COLUMNS, Mark::default()).unwrap();
+        let mut marks = Vec::new();
         for step in 0..5 {
             straight.write(&[Some(f64::from(step)), Some(0.5)]).unwrap();
+            marks.push(straight.mark());
         }
         let expected = fs::read_to_string(&path).unwrap();
         // A kill in the middle of a row.
         fs::write(&path, format!("{expected}5,0.")).unwrap();
-        let mut resumed = Table::open(&path, COLUMNS, 3).unwrap();
+        let mut resumed = Table::open(&path, COLUMNS, marks[2]).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "step,loss\n0,0.5\n1,0.5\n2,0.5\n");
         for step in 3..5 {
             resumed.write(&[Some(f64::from(step)), Some(0.5)]).unwrap();
         }
         resumed.sync().unwrap();
-        assert_eq!(resumed.rows(), 5);
+        assert_eq!(resumed.mark(), marks[4]);
         assert_eq!(fs::read_to_string(&path).unwrap(), expected);
-        Table::open(&path, COLUMNS, 0).unwrap();
+        Table::open(&path, COLUMNS, Mark::default()).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "step,loss\n");
     }
 
     #[test]
     fn a_table_that_is_not_the_checkpoints_is_refused() {
         let (_dir, path) = table();
-        fs::write(&path, "step,loss\n1,2\n3,").unwrap();
-        let said = Table::open(&path, COLUMNS, 2).unwrap_err().to_string();
-        assert!(said.ends_with("it has 1 rows, the checkpoint 2"), "{said}");
-        let said = Table::open(&path, &["step", "gain"], 1).unwrap_err().to_string();
+        let mut table = Table::open(&path, COLUMNS, Mark::default()).unwrap();
+        table.write(&[Some(1.0), Some(2.0)]).unwrap();
+        table.write(&[Some(3.0), Some(4.0)]).unwrap();
+        let (mark, whole) = (table.mark(), fs::read_to_string(&path).unwrap());
+        for wrong in ["step,loss\n1,2\n3,", "step,loss\n1,2\n3,5\n", "step,loss\n1,2\n3,4"] {
+            fs::write(&path, wrong).unwrap();
+            let said = Table::open(&path, COLUMNS, mark).unwrap_err().to_string();
+            assert!(
+                said.ends_with("its first 2 rows are not as the checkpoint left them"),
+                "{said}"
+            );
+            assert_eq!(fs::read_to_string(&path).unwrap(), wrong);
+        }
+        fs::write(&path, whole).unwrap();
+        let said = Table::open(&path, &["step", "gain"], mark).unwrap_err().to_string();
         assert!(said.contains("its columns are step,loss, where"), "{said}");
-        assert_eq!(fs::read_to_string(&path).unwrap(), "step,loss\n1,2\n3,");
-        assert!(Table::open(&path, &["a,b"], 0).is_err());
-        let mut table = Table::open(&path, COLUMNS, 1).unwrap();
+        assert!(Table::open(&path, &["a,b"], Mark::default()).is_err());
+        let mut table = Table::open(&path, COLUMNS, mark).unwrap();
         assert!(table.write(&[None]).unwrap_err().to_string().contains("1 values for 2 columns"));
     }
 

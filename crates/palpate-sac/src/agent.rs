@@ -201,6 +201,11 @@ impl Sac {
         self.steps
     }
 
+    /// What is in the replay, oldest first.
+    pub fn transitions(&self) -> impl Iterator<Item = Transition<'_>> {
+        self.replay.transitions()
+    }
+
     /// Transitions in the replay.
     pub fn replay_len(&self) -> usize {
         self.replay.len()

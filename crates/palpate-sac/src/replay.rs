@@ -117,6 +117,22 @@ impl Replay {
         r
     }
 
+    /// All that is stored, oldest first.
+    pub(crate) fn transitions(&self) -> impl Iterator<Item = Transition<'_>> {
+        let oldest = if self.len() < self.capacity { 0 } else { self.next };
+        (0..self.len()).map(move |i| {
+            let slot = (oldest + i) % self.capacity;
+            Transition {
+                observation: self.observation(slot),
+                action: self.action(slot),
+                reward: self.rewards[slot],
+                next_observation: self.next_observation(slot),
+                terminal: self.terminals[slot] == 1,
+                episode_end: self.episode_ends[slot] == 1,
+            }
+        })
+    }
+
     pub(crate) fn observation(&self, slot: usize) -> &[f32] {
         row(&self.observations, slot, self.observation_dim)
     }
@@ -220,6 +236,16 @@ mod tests {
         assert_eq!(of(&replay, 3, 9), (8.0 + 8.0 + 8.0, 0.125, -5.0));
         assert_eq!(of(&replay, 1, 9), (32.0, 0.5, -5.0));
         assert_eq!(of(&replay, 2, 3), (4.0 + 4.0 + 4.0, 0.125, -4.0));
+    }
+
+    #[test]
+    fn what_is_stored_comes_out_oldest_first() {
+        let numbers = |pushed: usize| -> Vec<f32> {
+            replay(4, &vec![End::No; pushed]).transitions().map(|t| t.observation[0]).collect()
+        };
+        assert_eq!(numbers(3), [0.0, 1.0, 2.0]);
+        assert_eq!(numbers(4), [0.0, 1.0, 2.0, 3.0]);
+        assert_eq!(numbers(6), [2.0, 3.0, 4.0, 5.0]);
     }
 
     #[test]

@@ -33,6 +33,8 @@ pub trait Guarded: sealed::Sealed {
     fn begin_episode(&mut self) -> Result<(), Self::Error>;
     /// Clears a fault of the backend.
     fn recover(&mut self) -> Result<(), Self::Error>;
+    /// Puts the arm back to its start in a fresh world, if this is a simulation. See [`Safe::rebuild`].
+    fn rebuild(&mut self) -> bool;
     /// Brings the arm to rest.
     fn stop(&mut self) -> Result<(), Self::Error>;
     /// Brakes for the next period. See [`Safe::brake`].
@@ -78,6 +80,9 @@ impl<B: RobotBackend> Guarded for Safe<B> {
     }
     fn recover(&mut self) -> Result<(), Self::Error> {
         Self::recover(self)
+    }
+    fn rebuild(&mut self) -> bool {
+        Self::rebuild(self)
     }
     fn stop(&mut self) -> Result<(), Self::Error> {
         Self::stop(self)

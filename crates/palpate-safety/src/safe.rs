@@ -313,6 +313,22 @@ impl<B: RobotBackend> Safe<B> {
     /// Clears a stop or fault of the backend. The next set-point starts from where the arm then is.
     pub fn recover(&mut self) -> Result<(), SafeError<B::Error>> {
         self.backend.recover().map_err(SafeError::Backend)?;
+        self.forget();
+        Ok(())
+    }
+
+    /// Puts the arm back to its start in a fresh world, if this is a simulation: then everything known about the
+    /// old one is forgotten. `false`, and nothing done, on an arm.
+    pub fn rebuild(&mut self) -> bool {
+        let rebuilt = self.backend.rebuild();
+        if rebuilt {
+            self.filter.reset_to(&Wrench::zero());
+            self.forget();
+        }
+        rebuilt
+    }
+
+    fn forget(&mut self) {
         self.q_commanded = None;
         self.phase = Phase::Reset;
         if let Some(shield) = &mut self.shield {
@@ -321,7 +337,6 @@ impl<B: RobotBackend> Safe<B> {
             // The last sample may be from before the stop.
             self.last = None;
         }
-        Ok(())
     }
 
     /// Time between samples.

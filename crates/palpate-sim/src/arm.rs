@@ -87,7 +87,7 @@ impl SimArm {
         self.faults
     }
 
-    fn rebuild(&mut self) {
+    fn rebuild_world(&mut self) {
         self.world = ContactWorld::build(&self.config, &self.flange());
         self.load = Wrench::zero();
     }
@@ -153,7 +153,7 @@ impl RobotBackend for SimArm {
     fn recover(&mut self) -> Result<(), SimError> {
         if self.fault.take().is_some() {
             self.servo.place(self.q_start);
-            self.rebuild();
+            self.rebuild_world();
         }
         self.stopped = false;
         Ok(())
@@ -164,10 +164,18 @@ impl RobotBackend for SimArm {
     fn tare(&mut self) -> Result<(), SimError> {
         if self.load.force.norm() <= AT_REST.0 && self.load.torque.norm() <= AT_REST.1 {
             self.servo.settle();
-            self.rebuild();
+            self.rebuild_world();
         }
         self.sensor.tare(&self.load, &self.servo.q);
         Ok(())
+    }
+
+    fn rebuild(&mut self) -> bool {
+        self.fault = None;
+        self.stopped = false;
+        self.servo.place(self.q_start);
+        self.rebuild_world();
+        true
     }
 }
 

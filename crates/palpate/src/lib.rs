@@ -11,6 +11,7 @@ pub mod interrupt;
 pub mod plot;
 mod progress;
 pub mod real;
+pub mod runs;
 pub mod stack;
 pub mod train;
 pub mod virtual_ur;

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use palpate::config::Choice;
 use palpate::real::{self, Address};
-use palpate::{evaluate, interrupt, plot, train, virtual_ur};
+use palpate::{evaluate, interrupt, plot, runs, train, virtual_ur};
 
 /// Teach a position-controlled robot arm to feel its way.
 ///
@@ -25,8 +25,8 @@ enum Command {
     /// Train a policy in simulation.
     ///
     /// Without arguments: policy model P-14 on the peg insertion (1 mm clearance, uncertain start and
-    /// goal), 20 000 steps. Ctrl-C once finishes the episode and writes a checkpoint that --resume continues;
-    /// twice stops at once.
+    /// goal), 20 000 steps. Ctrl-C, SIGTERM or SIGUSR1 once finishes the episode and writes a checkpoint that
+    /// --resume continues; Ctrl-C twice stops at once. A full disk is waited for.
     TrainSim(TrainSim),
     /// Train on a UR e-Series arm, or on a virtual one. Nothing here has moved a real arm.
     ///
@@ -49,6 +49,46 @@ enum Command {
     ///
     /// Runs that differ only in their seed are drawn as one curve: mean and spread.
     Plot(Plot),
+    /// Look after run directories: list, verify, repair, copy, export.
+    #[command(subcommand)]
+    Runs(Runs),
+}
+
+#[derive(Debug, Subcommand)]
+enum Runs {
+    /// List the runs of a folder: task, model, seed, steps, success of the latest evaluation, state.
+    List {
+        /// Folder that holds runs.
+        #[arg(default_value = "runs")]
+        folder: PathBuf,
+    },
+    /// Read every byte of a run and say of each part whether it is whole. Changes nothing.
+    Verify {
+        /// Run directory.
+        run: PathBuf,
+    },
+    /// Save what can be saved: damaged checkpoints go to damaged/, half rows and records are cut, config.toml
+    /// comes back from a checkpoint.
+    Repair {
+        /// Run directory; nobody may be writing it.
+        run: PathBuf,
+    },
+    /// Copy a run, also while it is being trained: only whole checkpoints. The copy can be continued by itself.
+    Copy {
+        /// Run directory.
+        run: PathBuf,
+        /// Folder to create.
+        to: PathBuf,
+    },
+    /// Write every transition as CSV: step, flags, reward, observation, action, next observation.
+    ///
+    /// Of a run on an arm all that its journal holds; of a simulated run the replay of its last checkpoint.
+    Export {
+        /// Run directory.
+        run: PathBuf,
+        /// CSV file to create.
+        to: PathBuf,
+    },
 }
 
 #[derive(Debug, Args)]
@@ -274,6 +314,16 @@ fn run(command: Command) -> anyhow::Result<()> {
             },
             args.json,
         ),
+        Command::Runs(what) => {
+            let out = &mut std::io::stdout();
+            match what {
+                Runs::List { folder } => runs::show(&folder, out),
+                Runs::Verify { run } => runs::verify(&run, out),
+                Runs::Repair { run } => runs::mend(&run, out),
+                Runs::Copy { run, to } => runs::duplicate(&run, &to, out),
+                Runs::Export { run, to } => runs::export(&run, &to, out),
+            }
+        }
         Command::Plot(args) => {
             for path in plot::run(&args.runs, args.out.as_deref(), args.ema)? {
                 writeln!(std::io::stdout(), "{}", path.display())?;

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use palpate_env::{Outcome, Summary};
+use palpate_runs::Mark;
 use palpate_safety::Tally;
 
 /// Episodes behind the rolling figures.
@@ -22,12 +23,14 @@ pub(crate) struct Progress {
     pub collisions: u64,
     /// Episodes cut by a simulator fault.
     pub faults: u64,
+    /// Simulated worlds rebuilt to free a stuck tool or after a fault.
+    pub rebuilt: u64,
     /// Refused commands and force stops, control ticks.
     pub tally: Tally,
     /// Step of the first success.
     pub first_success: Option<u64>,
-    /// Rows written to metrics.csv and to episodes.csv.
-    pub rows: (u64, u64),
+    /// Where metrics.csv and episodes.csv end.
+    pub tables: (Mark, Mark),
     /// Latest evaluation.
     pub evaluated: Option<Evaluation>,
     /// An evaluation that no row of metrics.csv shows yet.

@@ -4,6 +4,7 @@
 
 pub mod brake;
 pub mod doctor;
+mod journal;
 mod keys;
 mod policy;
 mod thread;

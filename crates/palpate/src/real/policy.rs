@@ -87,7 +87,7 @@ fn outcome(news: &std::sync::mpsc::Receiver<News>) -> anyhow::Result<Option<Summ
     loop {
         match news.recv_timeout(Duration::from_millis(50)) {
             Ok(News::Step(x)) => {
-                if let Some(summary) = x.step.summary {
+                if let Some(summary) = x.summary {
                     return Ok(Some(summary));
                 }
             }

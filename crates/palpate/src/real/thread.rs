@@ -10,12 +10,15 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use palpate_env::{Env, EnvError, Step};
+use palpate_env::{Env, EnvError};
 use palpate_robot_io::FaultKind;
+use palpate_runs::Journal;
 use palpate_sac::Policy;
 use palpate_safety::Guarded;
 
+use super::journal;
 use crate::baselines::Actor;
+use crate::train::lesson::Lesson;
 
 /// Pause between two looks at an arm that has stopped.
 const REST: Duration = Duration::from_millis(1);
@@ -42,18 +45,9 @@ pub(super) enum News {
     /// The arm is connected, at rest and takes orders.
     Ready,
     /// An action and what came of it.
-    Step(Box<Experience>),
+    Step(Box<Lesson>),
     /// The arm has stopped and waits for [`Order::Recover`].
     Fault(Fault),
-}
-
-/// One step of an episode.
-#[derive(Debug)]
-pub(super) struct Experience {
-    pub(super) observation: Vec<f32>,
-    pub(super) action: Vec<f32>,
-    pub(super) next: Vec<f32>,
-    pub(super) step: Step,
 }
 
 /// Why the arm has stopped.
@@ -108,6 +102,11 @@ pub(super) struct Control {
     thread: Option<JoinHandle<()>>,
 }
 
+/// Room for an episode and what is said around it: the control thread never waits to be heard.
+fn room(steps: u32) -> usize {
+    steps as usize + 8
+}
+
 impl Control {
     /// Starts the thread. `build` makes the environment there, because a connected arm must be read at once;
     /// `farewell` looks at it a last time. An episode has at most `steps` actions.
@@ -119,8 +118,7 @@ impl Control {
         farewell: impl FnOnce(&Env<R>) + Send + 'static,
     ) -> anyhow::Result<Self> {
         let (orders, inbox) = sync_channel(4);
-        // Room for an episode and what is said around it: the thread never waits to be heard.
-        let (outbox, news) = sync_channel(steps as usize + 8);
+        let (outbox, news) = sync_channel(room(steps));
         let thread = std::thread::Builder::new()
             .name("control".into())
             .spawn(move || {
@@ -139,6 +137,20 @@ impl Control {
             })
             .context("cannot start the control thread")?;
         Ok(Self { orders, news, thread: Some(thread) })
+    }
+
+    /// Keeps every step in a journal before it is heard; `taken` steps came before, an episode has at most
+    /// `steps`.
+    pub(super) fn journal(
+        &mut self,
+        journal: Journal,
+        taken: u64,
+        steps: u32,
+    ) -> anyhow::Result<()> {
+        let nobody = sync_channel(0).1;
+        let news = std::mem::replace(&mut self.news, nobody);
+        self.news = journal::tee(journal, news, taken, room(steps))?;
+        Ok(())
     }
 }
 
@@ -210,17 +222,12 @@ impl<R: Guarded> Pilot<R> {
                 self.exchange.take(policy);
             }
             let action = self.actor.act(&self.env);
-            let narrow = action.iter().map(|x| *x as f32).collect();
+            let narrow: Vec<f32> = action.iter().map(|x| *x as f32).collect();
             let step = self.env.step(action)?;
             let next = self.env.observation().to_vec();
             let over = step.summary.is_some();
             let seen = std::mem::replace(&mut observation, next.clone());
-            self.say(News::Step(Box::new(Experience {
-                observation: seen,
-                action: narrow,
-                next,
-                step,
-            })));
+            self.say(News::Step(Box::new(Lesson::new(seen, narrow, next, step))));
             if over {
                 return Ok(());
             }
@@ -345,7 +352,7 @@ mod tests {
         assert!(reads.load(Ordering::Relaxed) > before + 50, "the arm is not read any more");
         let steps: Vec<_> = control.news.try_iter().collect();
         assert_eq!(steps.len(), 12, "{steps:?}");
-        let over = |news: &News| matches!(news, News::Step(x) if x.step.summary.is_some());
+        let over = |news: &News| matches!(news, News::Step(x) if x.summary.is_some());
         assert!(over(&steps[11]) && !steps[..11].iter().any(over), "{steps:?}");
     }
 }

@@ -8,7 +8,7 @@ use palpate_sac::Sac;
 
 use super::thread::Exchange;
 use super::world::RealTime;
-use super::{Address, connect, permitted};
+use super::{Address, connect, journal, permitted};
 use crate::baselines::Actor;
 use crate::config::{Choice, Config};
 use crate::progress::Progress;
@@ -56,13 +56,21 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
     let exchange = Exchange::default();
     let seed = stream(config.run.seed, Purpose::Explore);
     let actor = Actor::learned(agent.policy(), Some(seed));
-    let arm = connect(&config, actor, exchange.clone())?;
+    let mut arm = connect(&config, actor, exchange.clone())?;
     // Not before there is an arm, or a folder without a run would stay.
     let dir = match dir {
         Some(dir) => dir,
         None => create(&config, what.out.as_deref())?,
     };
+    let (path, steps) = (dir.path().to_owned(), config.env.max_steps);
     let mut pupil = Pupil::new(config, dir, agent, progress, "train-real --rtde ADDRESS")?;
+    if what.resume.is_none() {
+        // Something to continue from, whatever happens in the first minutes.
+        pupil.checkpoint()?;
+    }
+    let journal = journal::catch_up(&path, &mut pupil)?;
+    exchange.offer(pupil.agent.policy());
+    arm.control.journal(journal, pupil.progress.step, steps)?;
     pupil.console.note(&format!("control thread: {}", arm.realtime));
     run(RealTime::new(arm, exchange), pupil)
 }
@@ -71,7 +79,9 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
 fn learner(what: &TrainReal, config: &Config) -> anyhow::Result<(Sac, Progress, Option<RunDir>)> {
     if let Some(run) = &what.resume {
         let dir = RunDir::open(run)?;
-        let (agent, progress) = last_checkpoint(&dir, config)?;
+        let (agent, progress) = last_checkpoint(&dir, config)?.with_context(|| {
+            format!("{} holds no checkpoint to resume from; start it again", run.display())
+        })?;
         return Ok((agent, progress, Some(dir)));
     }
     // The same observations and actions as on the arm, without one.

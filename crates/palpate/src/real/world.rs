@@ -10,7 +10,7 @@ use super::thread::{Exchange, Fault, News, Order};
 use super::{Arm, ended};
 use crate::interrupt;
 use crate::progress::Evaluation;
-use crate::train::pupil::{Lesson, Pupil};
+use crate::train::pupil::Pupil;
 use crate::train::world::World;
 
 /// How often a wait looks at Enter and Ctrl-C.
@@ -103,15 +103,9 @@ impl World for RealTime {
         loop {
             match self.news()? {
                 Some(News::Step(x)) => {
-                    let lesson = Lesson {
-                        observation: &x.observation,
-                        action: &x.action,
-                        next: &x.next,
-                        step: &x.step,
-                    };
-                    pupil.take(&lesson)?;
+                    pupil.take(&x)?;
                     self.exchange.offer(pupil.agent.policy());
-                    if x.step.summary.is_some() {
+                    if x.summary.is_some() {
                         return Ok(());
                     }
                 }

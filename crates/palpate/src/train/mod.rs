@@ -6,6 +6,9 @@
 //! Checkpoints are taken between episodes, where a simulated world is rebuilt from the seed and the episode's
 //! number, so a simulated run that is resumed continues exactly as if it had never stopped.
 
+mod disk;
+pub(crate) mod lesson;
+mod past;
 pub(crate) mod pupil;
 mod tables;
 pub(crate) mod world;
@@ -21,7 +24,7 @@ use crate::config::{Choice, Config};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::stack::{Purpose, sim_env};
-use pupil::Pupil;
+use pupil::{CONFIG, PROGRESS, Pupil};
 use world::{Lockstep, World};
 
 /// Starts a new run in simulation.
@@ -34,7 +37,7 @@ pub fn start(choice: &Choice, out: Option<&Path>) -> anyhow::Result<()> {
     run(world, Pupil::new(config, dir, agent, Progress::default(), "train-sim")?)
 }
 
-/// Continues a simulated run from its last whole checkpoint.
+/// Continues a simulated run from its last whole checkpoint, or from its beginning if it has none.
 pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<()> {
     let dir = RunDir::open(path)?;
     let set: Vec<String> = steps.map(|s| format!("run.steps={s}")).into_iter().collect();
@@ -42,8 +45,16 @@ pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<()> {
     if config.ur.is_some() {
         bail!("{} is a run on an arm: continue it with train-real --resume", path.display());
     }
-    let (agent, progress) = last_checkpoint(&dir, &config)?;
+    let (agent, progress) = match last_checkpoint(&dir, &config)? {
+        Some((agent, progress)) => (Some(agent), progress),
+        None => (None, Progress::default()),
+    };
     let world = simulation(&config, progress.episodes)?;
+    let (observation, action) = world.dims();
+    let agent = match agent {
+        Some(agent) => agent,
+        None => Sac::new(&config.sac, observation, action, config.run.seed)?,
+    };
     run(world, Pupil::new(config, dir, agent, progress, "train-sim")?)
 }
 
@@ -53,15 +64,21 @@ pub(crate) fn create(config: &Config, out: Option<&Path>) -> anyhow::Result<RunD
     Ok(RunDir::create(out, &name, &config.to_toml()?)?)
 }
 
-/// What a run knew when its last whole checkpoint was written.
-pub(crate) fn last_checkpoint(dir: &RunDir, config: &Config) -> anyhow::Result<(Sac, Progress)> {
+/// What a run knew when its last whole checkpoint was written; `None` if none was.
+pub(crate) fn last_checkpoint(
+    dir: &RunDir,
+    config: &Config,
+) -> anyhow::Result<Option<(Sac, Progress)>> {
     let path = dir.path();
-    let checkpoint = dir.checkpoints()?.latest()?.with_context(|| {
-        format!("{} holds no checkpoint to resume from; start it again", path.display())
-    })?;
-    let text = std::fs::read_to_string(checkpoint.join("progress.json"))?;
+    let Some(checkpoint) = dir.checkpoints()?.latest()? else { return Ok(None) };
+    let read = |name| {
+        let path = checkpoint.join(name);
+        std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
+    };
+    past::unchanged(&read(CONFIG)?, config)
+        .with_context(|| format!("{} cannot be continued", path.display()))?;
     let progress: Progress =
-        serde_json::from_str(&text).context("progress.json of the checkpoint")?;
+        serde_json::from_str(&read(PROGRESS)?).context("progress.json of the checkpoint")?;
     if progress.step >= config.run.steps {
         bail!(
             "the run is complete: {} of {} steps; extend it with --resume {} --steps N",
@@ -70,7 +87,7 @@ pub(crate) fn last_checkpoint(dir: &RunDir, config: &Config) -> anyhow::Result<(
             path.display()
         );
     }
-    Ok((Sac::load(&checkpoint)?, progress))
+    Ok(Some((Sac::load(&checkpoint)?, progress)))
 }
 
 fn simulation(

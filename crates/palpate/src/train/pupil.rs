@@ -1,25 +1,22 @@
 //! The learner, and the account of what it went through.
 
+use std::time::{Duration, Instant};
+
 use anyhow::Result;
-use palpate_env::{Outcome, Step, Summary};
+use palpate_env::{Outcome, Summary};
 use palpate_runs::{CheckpointStore, Console, Metrics, RunDir, Slot, Table};
 use palpate_sac::{Sac, Transition, UpdateStats};
 
+use super::disk::insist;
+use super::lesson::Lesson;
 use super::tables::{EPISODES, METRICS};
 use crate::Config;
 use crate::progress::{Evaluation, Progress};
 
-/// One step of experience.
-pub(crate) struct Lesson<'a> {
-    /// What the policy saw.
-    pub(crate) observation: &'a [f32],
-    /// What it did.
-    pub(crate) action: &'a [f32],
-    /// What it saw then.
-    pub(crate) next: &'a [f32],
-    /// What came of it.
-    pub(crate) step: &'a Step,
-}
+/// File of a checkpoint with what a run remembers besides the learner.
+pub(super) const PROGRESS: &str = "progress.json";
+/// File of a checkpoint with the configuration it was made under.
+pub(super) const CONFIG: &str = "config.toml";
 
 /// A learner with its run directory.
 pub(crate) struct Pupil {
@@ -35,6 +32,8 @@ pub(crate) struct Pupil {
     command: &'static str,
     /// Latest statistics of the learner, for the next row.
     stats: Option<UpdateStats>,
+    /// Time spent on checkpoints.
+    saving: Duration,
 }
 
 impl Pupil {
@@ -47,8 +46,8 @@ impl Pupil {
     ) -> Result<Self> {
         Ok(Self {
             store: dir.checkpoints()?,
-            metrics: Metrics::open(&dir, METRICS, progress.rows.0)?,
-            episodes: Table::open(&dir.path().join("episodes.csv"), EPISODES, progress.rows.1)?,
+            metrics: Metrics::open(&dir, METRICS, progress.tables.0)?,
+            episodes: Table::open(&dir.path().join("episodes.csv"), EPISODES, progress.tables.1)?,
             console: Console::new(config.run.steps, progress.step),
             config,
             dir,
@@ -56,6 +55,7 @@ impl Pupil {
             progress,
             command,
             stats: None,
+            saving: Duration::ZERO,
         })
     }
 
@@ -73,21 +73,20 @@ impl Pupil {
     }
 
     /// Remembers a step and learns.
-    pub(crate) fn take(&mut self, lesson: &Lesson<'_>) -> Result<()> {
-        let step = lesson.step;
+    pub(crate) fn take(&mut self, lesson: &Lesson) -> Result<()> {
         self.agent.observe(&Transition {
-            observation: lesson.observation,
-            action: lesson.action,
-            reward: step.reward.total() as f32,
-            next_observation: lesson.next,
-            terminal: step.terminated,
-            episode_end: step.terminated || step.truncated,
+            observation: &lesson.observation,
+            action: &lesson.action,
+            reward: lesson.reward,
+            next_observation: &lesson.next,
+            terminal: lesson.terminal,
+            episode_end: lesson.episode_end,
         })?;
         self.progress.step += 1;
         if let Some(stats) = self.agent.update()? {
             self.stats = Some(stats);
         }
-        if let Some(summary) = &step.summary {
+        if let Some(summary) = &lesson.summary {
             self.progress.record(summary);
             self.write_episode(summary)?;
         }
@@ -104,8 +103,10 @@ impl Pupil {
         self.progress.pending = Some(evaluation);
         if self.progress.best.is_none_or(|best| evaluation.beats(&best)) {
             self.progress.best = Some(evaluation);
-            let agent = &self.agent;
-            self.store.save(Slot::Best, |dir| agent.save_policy(dir).map_err(Into::into))?;
+            let (agent, store) = (&self.agent, &self.store);
+            insist(&mut self.console, || {
+                store.save(Slot::Best, |dir| agent.save_policy(dir).map_err(Into::into))
+            })?;
         }
         self.console.table(&[
             ("evaluation at step", self.progress.step.to_string()),
@@ -127,15 +128,21 @@ impl Pupil {
 
     /// Writes everything that is needed to go on from here.
     pub(crate) fn checkpoint(&mut self) -> Result<()> {
-        self.progress.rows = (self.metrics.rows(), self.episodes.rows());
-        self.metrics.sync()?;
-        self.episodes.sync()?;
-        let (agent, progress) = (&self.agent, &self.progress);
-        self.store.save(Slot::Step(progress.step), |dir| {
-            agent.save(dir)?;
-            std::fs::write(dir.join("progress.json"), serde_json::to_string_pretty(progress)?)?;
-            Ok(())
+        let began = Instant::now();
+        self.progress.tables = (self.metrics.mark(), self.episodes.mark());
+        let Self { config, agent, progress, console, store, metrics, episodes, .. } = self;
+        let config = config.to_toml()?;
+        insist(console, || {
+            metrics.sync()?;
+            episodes.sync()?;
+            store.save(Slot::Step(progress.step), |dir| {
+                agent.save(dir)?;
+                std::fs::write(dir.join(PROGRESS), serde_json::to_string_pretty(progress)?)?;
+                std::fs::write(dir.join(CONFIG), &config)?;
+                Ok(())
+            })
         })?;
+        self.saving += began.elapsed();
         Ok(())
     }
 
@@ -152,16 +159,19 @@ impl Pupil {
             "first_success_step": p.first_success,
             "refusals": p.tally,
             "simulator_faults": p.faults,
+            "worlds_rebuilt": p.rebuilt,
             "success_rate_last_20": p.success_rate(),
             "last_evaluation": p.evaluated,
             "best_evaluation": p.best,
             "seconds_this_time": seconds,
+            "seconds_on_checkpoints": self.saving.as_secs_f64(),
         });
         let on_an_arm = link.is_some();
         if let Some(link) = link {
             summary["link"] = link;
         }
-        self.dir.write_summary(&summary)?;
+        let dir = &self.dir;
+        insist(&mut self.console, || dir.write_summary(&summary))?;
         self.console.finish();
         let path = self.dir.path().display();
         let next = if on_an_arm { "run-policy" } else { "evaluate" };
@@ -201,39 +211,37 @@ impl Pupil {
         let s = self.stats.as_ref();
         let train = |f: fn(&UpdateStats) -> f32| s.map(f).map(f64::from);
         let eval = |f: fn(&Evaluation) -> f64| e.as_ref().map(f);
-        self.metrics.write(
-            p.step,
-            &[
-                Some(p.step as f64),
-                Some(p.episodes as f64),
-                p.mean_return(),
-                p.mean_steps(),
-                p.success_rate(),
-                p.mean_peak_force(),
-                Some(p.collisions as f64),
-                Some(p.tally.no_ik as f64),
-                Some(p.tally.joint_speed as f64),
-                Some(p.tally.non_finite as f64),
-                Some(p.faults as f64),
-                Some(self.agent.updates() as f64),
-                train(|s| s.critic_loss),
-                train(|s| s.actor_loss),
-                train(|s| s.alpha),
-                train(|s| s.entropy),
-                train(|s| s.q_mean),
-                eval(|e| e.success_rate),
-                eval(|e| e.mean_return),
-                eval(|e| e.mean_steps),
-                eval(|e| e.peak_force),
-                eval(|e| e.q_minus_return),
-            ],
-        )?;
-        Ok(())
+        let (metrics, step) = (&mut self.metrics, p.step);
+        let row = [
+            Some(p.step as f64),
+            Some(p.episodes as f64),
+            p.mean_return(),
+            p.mean_steps(),
+            p.success_rate(),
+            p.mean_peak_force(),
+            Some(p.collisions as f64),
+            Some(p.tally.no_ik as f64),
+            Some(p.tally.joint_speed as f64),
+            Some(p.tally.non_finite as f64),
+            Some(p.faults as f64),
+            Some(self.agent.updates() as f64),
+            train(|s| s.critic_loss),
+            train(|s| s.actor_loss),
+            train(|s| s.alpha),
+            train(|s| s.entropy),
+            train(|s| s.q_mean),
+            eval(|e| e.success_rate),
+            eval(|e| e.mean_return),
+            eval(|e| e.mean_steps),
+            eval(|e| e.peak_force),
+            eval(|e| e.q_minus_return),
+        ];
+        insist(&mut self.console, || metrics.write(step, &row))
     }
 
     fn write_episode(&mut self, s: &Summary) -> Result<()> {
         let flag = |o: Outcome| Some(if s.outcome == o { 1.0 } else { 0.0 });
-        self.episodes.write(&[
+        let row = [
             Some(s.episode as f64),
             Some(self.progress.step as f64),
             Some(s.total_reward),
@@ -246,7 +254,8 @@ impl Pupil {
             Some(s.final_distance),
             Some(s.tally.no_ik as f64),
             Some(s.tally.joint_speed as f64),
-        ])?;
-        Ok(())
+        ];
+        let episodes = &mut self.episodes;
+        insist(&mut self.console, || episodes.write(&row))
     }
 }

@@ -4,7 +4,8 @@ use palpate_env::{Env, Summary};
 use palpate_sac::Mode;
 use palpate_safety::Guarded;
 
-use super::pupil::{Lesson, Pupil};
+use super::lesson::Lesson;
+use super::pupil::Pupil;
 use crate::baselines::Actor;
 use crate::evaluate;
 use crate::progress::Evaluation;
@@ -40,6 +41,7 @@ impl<R: Guarded> Lockstep<R> {
 impl<R: Guarded> World for Lockstep<R> {
     /// An update of the learner after every step.
     fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()> {
+        let rebuilt = self.env.rebuilt();
         self.env.reset()?;
         let mut observation = self.env.observation().to_vec();
         let mut action = vec![0.0f32; self.env.action_dim()];
@@ -47,17 +49,14 @@ impl<R: Guarded> World for Lockstep<R> {
             pupil.agent.act(&observation, Mode::Explore, &mut action)?;
             let wide: Vec<f64> = action.iter().copied().map(f64::from).collect();
             let step = self.env.step(&wide)?;
-            let next = self.env.observation();
-            pupil.take(&Lesson {
-                observation: &observation,
-                action: &action,
-                next,
-                step: &step,
-            })?;
-            if step.summary.is_some() {
+            let next = self.env.observation().to_vec();
+            let seen = std::mem::replace(&mut observation, next.clone());
+            let lesson = Lesson::new(seen, action.clone(), next, step);
+            pupil.take(&lesson)?;
+            if lesson.summary.is_some() {
+                pupil.progress.rebuilt += self.env.rebuilt() - rebuilt;
                 return Ok(());
             }
-            observation = next.to_vec();
         }
     }
 
