@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use xshell::cmd;
 
-use crate::{USAGE, examples, smoke, style, test, tidy, workspace};
+use crate::{USAGE, examples, smoke, style, test, tidy, torture, workspace};
 
 /// How a step ended, if not in an error.
 enum Outcome {
@@ -36,6 +36,11 @@ const STEPS: &[Step] = &[
         name: "smoke",
         what: "train, kill, resume, evaluate, plot with the release binary",
         run: smoke,
+    },
+    Step {
+        name: "torture",
+        what: "killed, damaged and starved runs end as others do",
+        run: torture,
     },
     Step { name: "deny", what: "licences, sources and bans of dependencies", run: deny },
 ];
@@ -158,6 +163,10 @@ fn examples() -> anyhow::Result<Outcome> {
 
 fn smoke() -> anyhow::Result<Outcome> {
     smoke::run().map(Outcome::Done)
+}
+
+fn torture() -> anyhow::Result<Outcome> {
+    torture::short().map(Outcome::Done)
 }
 
 fn deny() -> anyhow::Result<Outcome> {

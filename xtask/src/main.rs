@@ -13,6 +13,7 @@ mod soak;
 mod style;
 mod test;
 mod tidy;
+mod torture;
 mod workspace;
 
 use std::ffi::OsString;
@@ -41,6 +42,7 @@ Repository:
   tidy             layering, file size, links, assets, stray paths
   bench [ARGS…]    criterion benchmarks
   soak shield [ACTIONS [SEED]]  adversaries against the fail-safe layer, 10⁷ actions
+  torture [WHAT]   kills, damages and starves simulated trainings; all must end alike. --help says more
   examples         every tutorial program, with --quick
   stability        which contacts make the force loop oscillate: docs/results/stability.md and its pictures
   help             this text
@@ -78,6 +80,7 @@ fn run() -> anyhow::Result<ExitCode> {
             cmd!(sh, "cargo run --release -p palpate-control --example stability_map -- {rest...}")
                 .run()?;
         }
+        Some("torture") => torture::command(&rest)?,
         Some("soak") => soak::command(&rest)?,
         Some("examples") => println!("{} programs ran", examples::command()?),
         _ => {

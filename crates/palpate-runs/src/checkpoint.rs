@@ -27,14 +27,14 @@ const REPLACED: &str = ".replaced";
 pub enum Slot {
     /// To continue from, taken at this step. The last three are kept.
     Step(u64),
-    /// The best policy so far. It and the one before are kept.
-    Best,
+    /// The best policy so far, of this step. It and the one before are kept.
+    Best(u64),
 }
 
 /// A checkpoint on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// Folder name: `step_0002000`, `best_0004`.
+    /// Folder name: `step_0002000`, `best_0002000`.
     pub name: String,
     /// Its folder.
     pub path: PathBuf,
@@ -58,10 +58,7 @@ impl Kind {
     }
 
     fn name(self, number: u64) -> String {
-        match self {
-            Self::Step => format!("step_{number:07}"),
-            Self::Best => format!("best_{number:04}"),
-        }
+        format!("{}{number:07}", self.prefix())
     }
 
     fn kept(self) -> usize {
@@ -181,7 +178,7 @@ impl CheckpointStore {
     ) -> Result<PathBuf, RunError> {
         let (kind, number) = match slot {
             Slot::Step(step) => (Kind::Step, step),
-            Slot::Best => (Kind::Best, 1 + self.newest(Kind::Best)?.unwrap_or(0)),
+            Slot::Best(step) => (Kind::Best, step),
         };
         let name = kind.name(number);
         let temporary = self.dir.join(format!(".{name}{UNFINISHED}"));
@@ -206,10 +203,6 @@ impl CheckpointStore {
         durable::sync_dir(&self.dir)?;
         self.prune(kind, number)?;
         Ok(path)
-    }
-
-    fn newest(&self, kind: Kind) -> Result<Option<u64>, RunError> {
-        Ok(self.entries()?.iter().find(|e| e.kind == kind).map(|e| e.number))
     }
 
     /// Folders of checkpoints that were never finished.

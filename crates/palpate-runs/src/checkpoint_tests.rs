@@ -43,9 +43,9 @@ fn the_last_three_steps_and_two_best_are_kept() {
     assert_eq!(run.store.find(BEST).unwrap(), None);
     for step in 1..6 {
         run.save(Slot::Step(100 * step), &step.to_string());
-        run.save(Slot::Best, &format!("best {step}"));
+        run.save(Slot::Best(100 * step), &format!("best {step}"));
     }
-    let expected = ["best_0004", "best_0005", "step_0000300", "step_0000400", "step_0000500"];
+    let expected = ["best_0000400", "best_0000500", "step_0000300", "step_0000400", "step_0000500"];
     assert_eq!(run.folders(), expected);
     assert_eq!((run.latest(), run.best()), ("5".into(), "best 5".into()));
     let named = run.store.find("step_0000400").unwrap().unwrap();
@@ -106,8 +106,8 @@ fn what_a_resumed_run_did_not_come_from_is_removed() {
 fn a_failing_writer_changes_nothing() {
     let run = Run::new();
     run.save(Slot::Step(1), "1");
-    run.save(Slot::Best, "best");
-    for slot in [Slot::Step(1), Slot::Step(2), Slot::Best] {
+    run.save(Slot::Best(1), "best");
+    for slot in [Slot::Step(1), Slot::Step(2), Slot::Best(1)] {
         let error = run.store.save(slot, |dir| {
             fs::write(dir.join("state.json"), "half")?;
             Err("the disk is full".into())
@@ -116,7 +116,7 @@ fn a_failing_writer_changes_nothing() {
         assert!(error.to_string().starts_with("cannot write the checkpoint "));
         assert!(std::error::Error::source(&error).unwrap().to_string().contains("disk is full"));
     }
-    assert_eq!(run.folders(), ["best_0001", "step_0000001"]);
+    assert_eq!(run.folders(), ["best_0000001", "step_0000001"]);
     assert_eq!((run.latest(), run.best()), ("1".into(), "best".into()));
 }
 

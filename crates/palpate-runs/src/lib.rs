@@ -6,9 +6,9 @@
 //! ├── provenance.json    one entry per start: code, compiler, machine, arguments
 //! ├── metrics.csv        one row per log step; same seed, same bytes
 //! ├── episodes.csv       one row per episode
-//! ├── replay.journal    every transition of a run on an arm, as it happened
+//! ├── replay.journal     every transition of a run on an arm, as it happened
 //! ├── tb/                the metrics again, as TensorBoard event files
-//! ├── checkpoints/       step_0020000 (the last three), best_0004 (the last two)
+//! ├── checkpoints/       step_0020000 (the last three), best_0018000 (the last two)
 //! ├── plots/             SVG
 //! ├── summary.json       how it ended
 //! └── lock               held by the process that writes

@@ -176,10 +176,16 @@ impl Config {
                 text += &arm_text(arm)?;
             }
         }
-        let table = resolve(&Layer { name: path.display().to_string(), text }, &[], &set, OPEN)?;
-        let config: Self = parse(table)?;
-        config.validate()?;
-        Ok(config)
+        let name = path.display().to_string();
+        let read = || -> anyhow::Result<Self> {
+            let table = resolve(&Layer { name: name.clone(), text }, &[], &set, OPEN)?;
+            let config: Self = parse(table)?;
+            config.validate()?;
+            Ok(config)
+        };
+        read().with_context(|| {
+            format!("{name} cannot be used; each of the run's checkpoints holds a copy")
+        })
     }
 
     /// The configuration as TOML, every key stated.

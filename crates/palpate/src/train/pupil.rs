@@ -103,9 +103,9 @@ impl Pupil {
         self.progress.pending = Some(evaluation);
         if self.progress.best.is_none_or(|best| evaluation.beats(&best)) {
             self.progress.best = Some(evaluation);
-            let (agent, store) = (&self.agent, &self.store);
+            let (agent, store, slot) = (&self.agent, &self.store, Slot::Best(self.progress.step));
             insist(&mut self.console, || {
-                store.save(Slot::Best, |dir| agent.save_policy(dir).map_err(Into::into))
+                store.save(slot, |dir| agent.save_policy(dir).map_err(Into::into))
             })?;
         }
         self.console.table(&[
