@@ -28,6 +28,7 @@ Robot learning (builds the release binary if needed, then runs `palpate COMMAND 
   train-sim        train a policy in simulation
   evaluate RUN     measure a trained policy beside three baselines
   plot RUN…        draw learning curves
+  ledger RUN       what the fail-safe layer refused, slowed and stopped, by cause
   runs WHAT        look after runs: list, verify, repair, copy, export
   virtual-ur       a UR controller with simulated contact behind it, on a UR's ports
   doctor --rtde ADDRESS      examine an arm, virtual or not; moves nothing

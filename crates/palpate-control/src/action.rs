@@ -101,6 +101,19 @@ impl ActionMap {
         };
         Ok(Decoded { motion: Twist::from(motion), gains })
     }
+
+    /// Adds a motion (m/s, rad/s) to the a_x of an action and clamps it: an action that moves the arm that much
+    /// more, with the same gains.
+    pub fn deviate(&self, action: &mut [f32], by: &Twist) {
+        let bounds = self.model.motion;
+        for (i, (a, by)) in action.iter_mut().zip(by.vector().iter()).enumerate() {
+            let bound = if i < 3 { bounds.linear } else { bounds.angular };
+            // A motion that is bounded by 0 cannot be asked for.
+            if bound > 0.0 {
+                *a = (f64::from(*a) + by / bound).clamp(-1.0, 1.0) as f32;
+            }
+        }
+    }
 }
 
 fn actions(tie: Tie) -> usize {

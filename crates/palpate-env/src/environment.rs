@@ -6,8 +6,8 @@ use palpate_control::{
 use palpate_kinematics::IkError;
 use palpate_robot_io::FaultKind;
 use palpate_safety::shield::Standing;
-use palpate_safety::{Excess, Guarded, Measurement, Refusal, Verdict};
-use palpate_spatial::{Pose, Vector6, integrate, pose_error_vector_part};
+use palpate_safety::{Excess, Guarded, Ledger, Measurement, Refusal, Verdict};
+use palpate_spatial::{Pose, Twist, Vector6, integrate, pose_error_vector_part};
 
 use crate::config::{ConfigError, EnvConfig, Reference};
 use crate::episode::{Episode, Outcome, Summary};
@@ -28,6 +28,9 @@ pub struct Step {
     pub terminated: bool,
     /// The episode was cut here: time limit or fault. Bootstrap.
     pub truncated: bool,
+    /// How the commanded motion that the fail-safe layer let through differed from the one that was asked for: mean
+    /// over the step, base axes, m/s and rad/s. Zero where it let all through.
+    pub deviation: Twist,
     /// The finished episode, on its last step.
     pub summary: Option<Summary>,
 }
@@ -154,9 +157,25 @@ impl<R: Guarded> Env<R> {
         self.rebuilt
     }
 
+    /// Turns an action into the one that was executed, given the [`deviation`](Step::deviation) of its step: the a_x
+    /// that would have moved the arm as it was moved. Gains are executed as proposed.
+    pub fn executed(&self, action: &mut [f32], deviation: &Twist) {
+        self.actions.deviate(action, deviation);
+    }
+
+    /// The fail-safe layer's verdicts, to empty them once they are written.
+    pub fn ledger_mut(&mut self) -> &mut Ledger {
+        self.robot.ledger_mut()
+    }
+
     /// The latest sample of the episode under way.
     pub fn measurement(&self) -> Option<&Measurement> {
         self.episode.as_ref().map(|e| &e.measurement)
+    }
+
+    /// The robot's clock when the last episode began, s; 0 before the first.
+    pub fn started(&self) -> f64 {
+        self.episode.as_ref().map_or(0.0, |e| e.started)
     }
 
     /// x_e against the believed goal, base axes, of the episode under way.
@@ -227,6 +246,7 @@ impl<R: Guarded> Env<R> {
             self.reward.scale(&error),
             &measurement,
             self.robot.tally(),
+            self.robot.ledger().counts(),
         ));
         self.next_episode += 1;
         Ok(())
@@ -243,7 +263,8 @@ impl<R: Guarded> Env<R> {
         let mut episode = self.episode.take().filter(|e| !e.over).ok_or(EnvError::NoEpisode)?;
         episode.steps += 1;
         let dt = self.robot.period().as_secs_f64();
-        let mut end = None;
+        let verdicts_before = self.robot.ledger().counts();
+        let (mut end, mut withheld, mut ticks) = (None, Vector6::zeros(), 0.0);
         for _ in 0..self.ticks_per_step {
             let m = episode.measurement;
             let input = ControlInput {
@@ -260,8 +281,16 @@ impl<R: Guarded> Env<R> {
             let verdict = self.robot.command(&x_c).map_err(EnvError::Robot)?;
             // A shield may have slowed or braked: what follows starts from where that led.
             let governed = self.robot.decision().and_then(|decision| decision.governed);
+            let led_to = match verdict {
+                Verdict::Accepted => governed.unwrap_or(x_c),
+                _ => governed.unwrap_or(from),
+            };
+            ticks += 1.0;
+            if led_to != x_c {
+                withheld += displacement(&led_to, &x_c);
+            }
             match verdict {
-                Verdict::Accepted => episode.reference = governed.unwrap_or(x_c),
+                Verdict::Accepted => episode.reference = led_to,
                 Verdict::Refused(_) => {
                     self.controller.command_refused();
                     episode.reference = governed.unwrap_or(episode.reference);
@@ -296,7 +325,9 @@ impl<R: Guarded> Env<R> {
             force_max: limits.force_max,
             torque_max: limits.torque_max,
             end,
+            verdicts: self.robot.ledger().counts() - verdicts_before,
         });
+        let deviation = Twist::from(-withheld / (ticks * dt));
         let truncated = end.is_none() && episode.steps >= self.config.max_steps;
         let outcome = match end {
             Some(End::Success) => Some(Outcome::Success),
@@ -307,7 +338,7 @@ impl<R: Guarded> Env<R> {
         if outcome.is_some() {
             self.come_to_rest(&mut episode)?;
         }
-        Ok(self.finish(episode, reward, outcome, truncated))
+        Ok(self.finish(episode, reward, outcome, truncated, deviation))
     }
 
     /// Nobody commands between episodes: brakes, and after a force stop lets the arm back out. The force on the
@@ -334,16 +365,19 @@ impl<R: Guarded> Env<R> {
         reward: RewardTerms,
         outcome: Option<Outcome>,
         truncated: bool,
+        deviation: Twist,
     ) -> Step {
         episode.total_reward += reward.total();
         let distance = self.true_distance(&episode.measurement.base_T_tool);
         let summary = outcome.map(|o| {
-            episode.summary(o, self.robot.period().as_secs_f64(), distance, self.robot.tally())
+            let verdicts = self.robot.ledger().counts();
+            let period = self.robot.period().as_secs_f64();
+            episode.summary(o, period, distance, self.robot.tally(), verdicts)
         });
         episode.over = outcome.is_some();
         let terminated = outcome.is_some() && !truncated;
         self.episode = Some(episode);
-        Step { reward, terminated, truncated, summary }
+        Step { reward, terminated, truncated, deviation, summary }
     }
 
     /// Ends the episode where the simulator broke down; the observation stays the last good one.
@@ -351,12 +385,20 @@ impl<R: Guarded> Env<R> {
         self.rebuilt += 1;
         tracing::warn!(episode = episode.number, %error, "simulator fault; episode truncated, world rebuilt");
         self.robot.recover().map_err(EnvError::Robot)?;
-        Ok(self.finish(episode, RewardTerms::default(), Some(Outcome::Fault), true))
+        let (reward, deviation) = (RewardTerms::default(), Twist::zero());
+        Ok(self.finish(episode, reward, Some(Outcome::Fault), true, deviation))
     }
 
     fn true_distance(&self, base_T_tool: &Pose) -> f64 {
         (self.task.base_T_goal().translation.vector - base_T_tool.translation.vector).norm()
     }
+}
+
+/// From one pose to another, base axes: m, and rad as a rotation vector.
+fn displacement(from: &Pose, to: &Pose) -> Vector6 {
+    let linear = to.translation.vector - from.translation.vector;
+    let angular = (to.rotation * from.rotation.inverse()).scaled_axis();
+    Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
 
 /// A tool that does not come free or a simulation that broke down: what a fresh world mends, if there can be one.

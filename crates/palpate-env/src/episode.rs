@@ -1,6 +1,6 @@
 //! The running account of one episode.
 
-use palpate_safety::{Measurement, Tally};
+use palpate_safety::{Counts, Measurement, Tally};
 use palpate_spatial::{Pose, Vector6};
 
 use crate::EpisodeStart;
@@ -40,6 +40,9 @@ pub struct Summary {
     pub final_distance: f64,
     /// Refused commands and force stops, in control ticks.
     pub tally: Tally,
+    /// Everything but plain passes by cause, in control ticks.
+    #[serde(default)]
+    pub verdicts: Counts,
 }
 
 /// The episode under way.
@@ -51,8 +54,11 @@ pub(crate) struct Episode {
     pub(crate) reference: Pose,
     /// x_max of the reward.
     pub(crate) error_scale: Vector6,
+    /// The robot's clock at its beginning, s.
+    pub(crate) started: f64,
     pub(crate) measurement: Measurement,
     pub(crate) tally_before: Tally,
+    verdicts_before: Counts,
     pub(crate) steps: u32,
     pub(crate) total_reward: f64,
     pub(crate) over: bool,
@@ -69,14 +75,17 @@ impl Episode {
         error_scale: Vector6,
         measurement: &Measurement,
         tally_before: Tally,
+        verdicts_before: Counts,
     ) -> Self {
         Self {
             number,
             start,
             reference,
             error_scale,
+            started: measurement.state.time,
             measurement: *measurement,
             tally_before,
+            verdicts_before,
             steps: 0,
             total_reward: 0.0,
             over: false,
@@ -106,6 +115,7 @@ impl Episode {
         tick: f64,
         final_distance: f64,
         tally: Tally,
+        verdicts: Counts,
     ) -> Summary {
         Summary {
             episode: self.number,
@@ -117,6 +127,7 @@ impl Episode {
             mean_force: self.force_sum / self.ticks.max(1) as f64,
             final_distance,
             tally: tally - self.tally_before,
+            verdicts: verdicts - self.verdicts_before,
         }
     }
 }

@@ -2,7 +2,8 @@
 #![expect(clippy::neg_cmp_op_on_partial_ord, reason = "a height that is NaN ends the way out")]
 
 use palpate_kinematics::IkOptions;
-use palpate_safety::shield::{Action, Cause, Recovery, Seen, Standing};
+use palpate_safety::Cause;
+use palpate_safety::shield::{Action, Recovery, Seen, Standing};
 use palpate_safety::{Guarded, Measurement, Mode, Refusal, Verdict};
 use palpate_spatial::{JointVector, Pose, Vector3};
 

@@ -1,11 +1,15 @@
 //! The reward, one function per term.
 //!
-//! r = w₁·D(x_e) + w₂·A(a) + w₃·F(F_ext) + w₄·ρ + w₅·κ, each of D, A, F mapped to [0, 1] with 1 best.
+//! r = w₁·D(x_e) + w₂·A(a) + w₃·F(F_ext) + w₄·ρ + w₅·κ, each of D, A, F mapped to [0, 1] with 1 best; not in the
+//! paper: a price for every control tick that the fail-safe layer did not simply pass, by cause.
 //!
 //! # References
 //! Beltran-Hernandez et al. 2020, Sect. III-F, eqs. (5) and (6). The logarithmic form follows the
 //! authors' analysis script (cambel/ur3-tools, `plot/simulate_cost.py`, 2020).
 
+use std::collections::BTreeMap;
+
+use palpate_safety::{Cause, Counts};
 use palpate_spatial::{Vector6, Wrench};
 
 /// How distance, action and force are mapped to [0, 1].
@@ -48,6 +52,8 @@ pub struct RewardConfig {
     pub success: f64,
     /// κ on a safety violation (force limit). The paper: −10, or 0 without penalty.
     pub violation: f64,
+    /// Paid for every control tick with this verdict of the fail-safe layer; a cause that is not stated costs nothing.
+    pub verdicts: BTreeMap<Cause, f64>,
     /// Least x_max of a position axis, m: an axis that starts at zero error must not divide by zero.
     pub position_floor: f64,
     /// Least x_max of an attitude axis, in sin(θ/2).
@@ -70,12 +76,14 @@ pub struct RewardTerms {
     pub step: f64,
     /// w₅·κ.
     pub terminal: f64,
+    /// The price of the fail-safe layer's verdicts.
+    pub verdicts: f64,
 }
 
 impl RewardTerms {
     /// r.
     pub fn total(&self) -> f64 {
-        self.distance + self.action + self.force + self.step + self.terminal
+        self.distance + self.action + self.force + self.step + self.terminal + self.verdicts
     }
 }
 
@@ -139,6 +147,11 @@ impl RewardConfig {
             force: w.force * self.force(&parts.wrench, parts.force_max, parts.torque_max),
             step: w.step * self.step,
             terminal: w.terminal * kappa,
+            verdicts: self
+                .verdicts
+                .iter()
+                .map(|(cause, price)| price * parts.verdicts.of(*cause) as f64)
+                .sum(),
         }
     }
 }
@@ -152,6 +165,8 @@ pub(crate) struct Parts<'a> {
     pub(crate) force_max: f64,
     pub(crate) torque_max: f64,
     pub(crate) end: Option<End>,
+    /// Verdicts of this step.
+    pub(crate) verdicts: Counts,
 }
 
 /// How a step ended the episode, as far as κ cares.
@@ -194,6 +209,7 @@ mod tests {
             step: -1.0,
             success: 200.0,
             violation: -10.0,
+            verdicts: BTreeMap::new(),
             position_floor: 0.005,
             rotation_floor: 0.01,
             force_axis_weights: [1.0, 0.05, 0.05, 0.05, 0.05, 0.05],
@@ -258,6 +274,7 @@ mod tests {
             force_max: 25.0,
             torque_max: 2.0,
             end: None,
+            verdicts: Counts::default(),
         };
         assert_abs_diff_eq!(c.terms(&parts).total(), 1.0 + 0.1 + 0.4 - 0.5, epsilon = 1e-12);
         parts.end = Some(End::Success);

@@ -5,8 +5,8 @@ mod rig;
 
 use palpate_env::{Distribution, Env, EnvConfig, EnvError, Outcome, TaskConfig};
 use palpate_robot_io::IdealArm;
-use palpate_safety::Safe;
-use palpate_spatial::Vector3;
+use palpate_safety::{Cause, Safe};
+use palpate_spatial::{JointVector, Twist, Vector3};
 
 fn env(seed: u64, change: impl FnOnce(&mut EnvConfig, &mut TaskConfig)) -> Env<Safe<IdealArm>> {
     env_of("p-14", seed, change)
@@ -163,4 +163,61 @@ fn no_model_oscillates_in_free_air_at_the_ends_of_its_gains() {
             }
         }
     }
+}
+
+/// An environment whose arm is too slow for anything but the way to the start.
+fn held(q: JointVector, change: impl FnOnce(&mut rig::Preset)) -> Env<Safe<IdealArm>> {
+    rig::env(IdealArm::at(q), "p-14", 7, |preset, task| {
+        fixed(&mut preset.env, task);
+        preset.safety.joint_velocity_max.fill(0.05);
+        (preset.env.reset.linear_speed, preset.env.reset.joint_speed) = (0.005, 0.02);
+        change(preset);
+    })
+}
+
+const FAST: [f64; 14] = [0.6, -0.5, 0.7, 0.3, 0.2, -0.3, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5];
+
+/// What was executed where every command was refused is an action that moves nothing; and where nothing is refused,
+/// it does move (nearly) nothing.
+#[test]
+fn the_executed_action_is_the_one_that_moves_the_arm_as_it_was_moved() {
+    let moved = |env: &mut Env<Safe<IdealArm>>, action: &[f64]| {
+        let at =
+            |env: &Env<Safe<IdealArm>>| env.measurement().unwrap().base_T_tool.translation.vector;
+        let before = at(env);
+        let step = env.step(action).unwrap();
+        (step, (at(env) - before).norm())
+    };
+    let (mut free, mut again) = (env(7, fixed), env(7, fixed));
+    free.reset().unwrap();
+    again.reset().unwrap();
+    let mut held = held(rig::task().q_home, |_| {});
+    held.reset().unwrap();
+
+    let (passed, far) = moved(&mut free, &FAST);
+    assert_eq!(passed.deviation, Twist::zero());
+    let (refused, nowhere) = moved(&mut held, &FAST);
+    assert!(nowhere < 1e-3 * far && far > 5e-4, "{nowhere} {far}");
+    let mut executed = FAST.map(|a| a as f32);
+    held.executed(&mut executed, &refused.deviation);
+    assert_eq!(executed[6..], FAST.map(|a| a as f32)[6..], "gains are executed as proposed");
+    let (_, little) = moved(&mut again, &executed.map(f64::from));
+    assert!(little < 0.1 * far, "{little} of {far}");
+}
+
+#[test]
+fn verdicts_have_a_price_by_cause_and_are_counted() {
+    let mut env = held(rig::task().q_home, |preset| {
+        preset.env.max_steps = 1;
+        preset.reward.verdicts.insert(Cause::JointSpeed, -0.25);
+        preset.reward.verdicts.insert(Cause::NoIk, -100.0);
+    });
+    env.reset().unwrap();
+    let step = env.step(&FAST).unwrap();
+    assert_eq!(step.reward.verdicts, -0.25 * 25.0);
+    let verdicts = step.summary.unwrap().verdicts;
+    assert_eq!((verdicts.of(Cause::JointSpeed), verdicts.of(Cause::NoIk)), (25, 0));
+    let entry = *env.ledger_mut().entries().last().unwrap();
+    assert_eq!((entry.cause, entry.ticks), (Cause::JointSpeed, 25));
+    assert!(entry.distance < 0.0 && entry.proposed.is_some_and(|q| q != entry.executed));
 }

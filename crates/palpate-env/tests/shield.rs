@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use palpate_env::{Env, EnvError, Outcome};
 use palpate_robot_io::{IdealArm, IdealArmError, JointCommand, RobotBackend, RobotState};
-use palpate_safety::shield::{Cause, Standing};
+use palpate_safety::Cause;
+use palpate_safety::shield::Standing;
 use palpate_safety::{Mode, Safe};
 use palpate_spatial::JointVector;
 
@@ -109,7 +110,7 @@ fn a_collision_ends_at_rest_and_the_next_reset_recovers() {
     seen.force.set(-30.0);
     assert_eq!(outcome(&mut env, &[0.3; 14]), Outcome::Collision);
     assert_eq!(env.robot().standing(), Standing::AtRest);
-    let counts = env.robot().ledger().unwrap().counts();
+    let counts = env.robot().ledger().counts();
     assert_eq!(counts.of(Cause::ForceSoft) + counts.of(Cause::ForceHard), 1);
     assert!(counts.of(Cause::Stopped) > 0);
     seen.force.set(0.0);

@@ -3,6 +3,7 @@
 use std::fs::{self, File, TryLockError};
 use std::io::{Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::error::{At as _, RunError};
 use crate::time::{Utc, since_epoch};
@@ -13,6 +14,9 @@ const ROOT: &str = "runs";
 /// Makes a folder a run.
 pub(crate) const CONFIG: &str = "config.toml";
 pub(crate) const LOCK: &str = "lock";
+/// How long to wait for a lock that is held.
+const LOCK_TRIES: u32 = 10;
+const LOCK_PAUSE: Duration = Duration::from_millis(30);
 
 /// A run's folder. Who [creates](Self::create) or [opens](Self::open) it is its only writer until the
 /// value is dropped or the process ends in any way.
@@ -164,7 +168,16 @@ fn lock(run: &Path) -> Result<File, RunError> {
         .truncate(false)
         .open(&path)
         .at("open", &path)?;
-    match file.try_lock() {
+    let mut taken = file.try_lock();
+    // A process that was just killed may leave a child that has not quite begun and still holds its files.
+    for _ in 0..LOCK_TRIES {
+        if !matches!(taken, Err(TryLockError::WouldBlock)) {
+            break;
+        }
+        std::thread::sleep(LOCK_PAUSE);
+        taken = file.try_lock();
+    }
+    match taken {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
             let mut holder = String::new();

@@ -81,11 +81,25 @@ impl Table {
 
     /// Appends a row, one value per column. After an error it can be tried again.
     pub fn write(&mut self, values: &[Option<f64>]) -> Result<(), RunError> {
-        if values.len() != self.columns {
-            let reason = format!("a row of {} values for {} columns", values.len(), self.columns);
+        self.append(None, values)
+    }
+
+    /// The same where the first column holds names, which fit into CSV as they are.
+    pub fn write_labelled(&mut self, name: &str, values: &[Option<f64>]) -> Result<(), RunError> {
+        self.append(Some(name), values)
+    }
+
+    fn append(&mut self, name: Option<&str>, values: &[Option<f64>]) -> Result<(), RunError> {
+        let cells = values.len() + usize::from(name.is_some());
+        if cells != self.columns {
+            let reason = format!("a row of {cells} values for {} columns", self.columns);
             return Err(RunError::Table { path: self.path.clone(), reason });
         }
         self.line.clear();
+        if let Some(name) = name {
+            self.line.push_str(name);
+            self.line.push(',');
+        }
         for (i, value) in values.iter().enumerate() {
             if i > 0 {
                 self.line.push(',');

@@ -6,8 +6,8 @@ use palpate_kinematics::SerialChain;
 use palpate_robot_io::{FaultKind, RobotBackend};
 use palpate_spatial::{DOF, JointVector, Pose};
 
-use crate::shield::{Decision, Ledger, Standing};
-use crate::{Measurement, Safe, SafeError, SafetyConfig, Tally, Verdict};
+use crate::shield::{Decision, Standing};
+use crate::{Ledger, Measurement, Safe, SafeError, SafetyConfig, Tally, Verdict};
 
 mod sealed {
     pub trait Sealed {}
@@ -45,8 +45,10 @@ pub trait Guarded: sealed::Sealed {
     fn standing(&self) -> Standing;
     /// The last verdict with what was executed, in shield mode. See [`Safe::decision`].
     fn decision(&self) -> Option<&Decision>;
-    /// Every verdict other than a pass, in shield mode. See [`Safe::ledger`].
-    fn ledger(&self) -> Option<&Ledger>;
+    /// Every verdict other than a pass. See [`Safe::ledger`].
+    fn ledger(&self) -> &Ledger;
+    /// The same, to empty it once it is written.
+    fn ledger_mut(&mut self) -> &mut Ledger;
     /// Refusals and force stops so far.
     fn tally(&self) -> Tally;
     /// Kinematics from the base to the tool centre point.
@@ -99,8 +101,11 @@ impl<B: RobotBackend> Guarded for Safe<B> {
     fn decision(&self) -> Option<&Decision> {
         Self::decision(self)
     }
-    fn ledger(&self) -> Option<&Ledger> {
+    fn ledger(&self) -> &Ledger {
         Self::ledger(self)
+    }
+    fn ledger_mut(&mut self) -> &mut Ledger {
+        Self::ledger_mut(self)
     }
     fn tally(&self) -> Tally {
         Self::tally(self)

@@ -19,12 +19,14 @@
 //! Beltran-Hernandez et al. 2020, Sect. III-E and Algorithm 1.
 
 mod guarded;
+mod ledger;
 mod limits;
 mod safe;
 pub mod shield;
 mod verdict;
 
 pub use guarded::Guarded;
+pub use ledger::{Cause, Counts, Entry, Ledger};
 pub use limits::{LimitsError, Mode, ResetLimits, SafetyConfig, SpeedReference};
 pub use safe::{Measurement, Safe, SafeError};
 pub use verdict::{Excess, Refusal, Tally, Verdict};

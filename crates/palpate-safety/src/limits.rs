@@ -48,6 +48,8 @@ pub struct SafetyConfig {
     pub speed_reference: SpeedReference,
     /// Cut-off of the force filter (second-order Butterworth), Hz.
     pub force_filter_cutoff: f64,
+    /// Verdicts that the ledger keeps until they are written; older ones are only counted.
+    pub ledger_entries: usize,
     /// Limits while the arm is driven back to its start.
     pub reset: ResetLimits,
     /// Limits of the shield. The other modes ignore them.

@@ -10,8 +10,8 @@ use palpate_robot_io::{BackendError, FaultKind, RobotBackend, RobotState};
 use palpate_spatial::{DOF, JointVector, Pose, Twist, Wrench};
 
 use crate::limits::{LimitsError, Mode, SafetyConfig};
-use crate::shield::{Decision, Ledger, Proposal, Shield, Standing};
-use crate::{Excess, Refusal, Tally, Verdict};
+use crate::shield::{Decision, Proposal, Shield, Standing};
+use crate::{Excess, Ledger, Refusal, Tally, Verdict};
 
 /// Everything the layers above need to know about one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,6 +98,8 @@ pub struct Safe<B: RobotBackend> {
     /// Last accepted set-point.
     q_commanded: Option<JointVector>,
     tally: Tally,
+    /// Unused in shield mode: the shield has its own.
+    ledger: Ledger,
     /// In shield mode: it decides, and the phase above is unused.
     shield: Option<Box<Shield>>,
     decision: Option<Decision>,
@@ -119,11 +121,10 @@ impl<B: RobotBackend> Safe<B> {
         limits.validate(&chain.limits().velocity, sample_rate)?;
         let filter = LowPass::new(limits.force_filter_cutoff, sample_rate);
         let chain = chain.with_tool(tool0_T_tool);
+        let dt = backend.period().as_secs_f64();
+        let ledger = Ledger::new(limits.ledger_entries, dt);
         let shield = match limits.mode {
-            Mode::Shield => {
-                let dt = backend.period().as_secs_f64();
-                Some(Box::new(Shield::new(&limits, chain.clone(), &tool0_T_tool, dt)?))
-            }
+            Mode::Shield => Some(Box::new(Shield::new(&limits, chain.clone(), &tool0_T_tool, dt)?)),
             Mode::Paper | Mode::ForceFirst => None,
         };
         Ok(Self {
@@ -136,6 +137,7 @@ impl<B: RobotBackend> Safe<B> {
             last: None,
             q_commanded: None,
             tally: Tally::default(),
+            ledger,
             shield,
             decision: None,
         })
@@ -295,9 +297,17 @@ impl<B: RobotBackend> Safe<B> {
         self.decision.as_ref()
     }
 
-    /// Every verdict other than a pass; none outside shield mode.
-    pub fn ledger(&self) -> Option<&Ledger> {
-        self.shield.as_ref().map(|shield| shield.ledger())
+    /// Every verdict other than a pass.
+    pub fn ledger(&self) -> &Ledger {
+        self.shield.as_ref().map_or(&self.ledger, |shield| shield.ledger())
+    }
+
+    /// The same, to empty it once it is written.
+    pub fn ledger_mut(&mut self) -> &mut Ledger {
+        match &mut self.shield {
+            Some(shield) => shield.ledger_mut(),
+            None => &mut self.ledger,
+        }
     }
 
     /// The shield, to look at.

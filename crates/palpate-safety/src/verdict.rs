@@ -2,7 +2,8 @@
 
 use palpate_kinematics::IkError;
 
-use crate::shield::{Cause, Implausible, Obstacle};
+use crate::Cause;
+use crate::shield::{Implausible, Obstacle};
 
 /// The fate of one command.
 #[derive(Clone, Debug, PartialEq)]

@@ -55,6 +55,7 @@ fn limits(mode: Mode) -> SafetyConfig {
         joint_velocity_max: JointVector::from_element(1.0),
         speed_reference: SpeedReference::Commanded,
         force_filter_cutoff: 50.0,
+        ledger_entries: 100,
         reset: ResetLimits { force_max: 60.0, torque_max: 6.0 },
         shield: None,
     }

@@ -5,7 +5,8 @@ mod support;
 
 use palpate_kinematics::Frame;
 use palpate_robot_io::RobotState;
-use palpate_safety::shield::{Cause, Proposal, Shield, Standing};
+use palpate_safety::Cause;
+use palpate_safety::shield::{Proposal, Shield, Standing};
 use palpate_safety::{Mode, Refusal, SafetyConfig, Verdict};
 use palpate_spatial::{JointVector, Pose, Twist, Vector3, Wrench, integrate};
 use support::{DT, chain, home, preset, sample, tool0_T_tool, wide};
@@ -131,7 +132,8 @@ fn a_refused_command_becomes_a_brake_and_not_a_frozen_set_point() {
     assert!(ticks > 5);
     assert!(decision.governed.is_some(), "the next command should start where the arm is");
     let entry = rig.shield.ledger().entries().last().unwrap();
-    assert_eq!((entry.cause, entry.executed), (Cause::Branch, rig.q));
+    assert_eq!((entry.cause, entry.executed), (Cause::Branch, decision.executed));
+    assert_eq!(entry.ticks, ticks);
 }
 
 #[test]

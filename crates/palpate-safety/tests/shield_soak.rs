@@ -2,7 +2,7 @@
 
 mod support;
 
-use palpate_safety::shield::Cause;
+use palpate_safety::Cause;
 use support::judge::{KINDS, Violation};
 use support::soak;
 

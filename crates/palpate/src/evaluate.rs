@@ -9,7 +9,7 @@ use palpate_env::{Env, Outcome, Summary};
 use palpate_runs::stats::clopper_pearson;
 use palpate_runs::{CheckpointStore, RunDir};
 use palpate_sac::Policy;
-use palpate_safety::{Guarded, Tally};
+use palpate_safety::{Counts, Guarded, Tally};
 
 use crate::baselines::Actor;
 use crate::stack::{Purpose, sim_env};
@@ -60,6 +60,8 @@ pub struct Row {
     pub max_peak_force: f64,
     /// Refused commands and force stops by cause, control ticks.
     pub tally: Tally,
+    /// Verdicts of the fail-safe layer other than a plain pass, control ticks.
+    pub verdicts: Counts,
     /// Episodes cut by a simulator fault.
     pub faults: usize,
 }
@@ -152,9 +154,10 @@ impl Row {
             summaries.iter().map(f).sum::<f64>() / summaries.len().max(1) as f64
         };
         let successes = count(Outcome::Success);
-        let mut tally = Tally::default();
+        let (mut tally, mut verdicts) = (Tally::default(), Counts::default());
         for s in summaries {
             tally += s.tally;
+            verdicts += s.verdicts;
         }
         let times: Vec<f64> =
             summaries.iter().filter(|s| s.outcome == Outcome::Success).map(|s| s.seconds).collect();
@@ -173,6 +176,7 @@ impl Row {
             median_peak_force: median(peaks.clone()).unwrap_or(0.0),
             max_peak_force: peaks.into_iter().fold(0.0, f64::max),
             tally,
+            verdicts,
             faults: count(Outcome::Fault),
         }
     }
@@ -210,6 +214,17 @@ pub fn table(rows: &[Row]) -> String {
             "{:<16} {success:<24} {:>7.1} {:>6.1}  {seconds:>8}  {force:<33} {:>10}  {refused}",
             r.policy, r.mean_return, r.mean_steps, r.collisions
         );
+    }
+    if rows.iter().any(|r| r.verdicts.iter().any(|(_, ticks)| ticks > 0)) {
+        out.push_str("\nThe fail-safe layer's verdicts per episode, control ticks of all others than plain passes\n");
+        for r in rows {
+            let per = |ticks: u64| ticks as f64 / r.episodes.max(1) as f64;
+            let given = r.verdicts.iter().filter(|(_, ticks)| *ticks > 0);
+            let given: Vec<_> =
+                given.map(|(cause, n)| format!("{} {:.1}", cause.name(), per(n))).collect();
+            let given = if given.is_empty() { "none".into() } else { given.join(", ") };
+            let _ = writeln!(out, "{:<16} {given}", r.policy);
+        }
     }
     out
 }

@@ -8,6 +8,7 @@ pub mod baselines;
 pub mod config;
 pub mod evaluate;
 pub mod interrupt;
+pub mod ledger;
 pub mod plot;
 mod progress;
 pub mod real;

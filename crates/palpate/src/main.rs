@@ -49,6 +49,11 @@ enum Command {
     ///
     /// Runs that differ only in their seed are drawn as one curve: mean and spread.
     Plot(Plot),
+    /// Show what the fail-safe layer refused, slowed and stopped during a run, by cause.
+    ///
+    /// From ledger.csv of the run, one row per event: cause, time in the episode, ticks in a row, distance to the limit,
+    /// place of the tool, wrench, proposed and executed joints.
+    Ledger(Ledger),
     /// Look after run directories: list, verify, repair, copy, export.
     #[command(subcommand)]
     Runs(Runs),
@@ -237,6 +242,15 @@ struct Evaluate {
 }
 
 #[derive(Debug, Args)]
+struct Ledger {
+    /// Run directory.
+    run: PathBuf,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
 struct Plot {
     /// Run directories.
     #[arg(required = true)]
@@ -255,6 +269,8 @@ fn main() -> ExitCode {
             tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "warn".into()),
         )
         .with_writer(std::io::stderr)
+        // A terminal that went away is no reason to panic.
+        .log_internal_errors(false)
         .init();
     let cli = Cli::parse();
     match run(cli.command) {
@@ -323,6 +339,9 @@ fn run(command: Command) -> anyhow::Result<()> {
                 Runs::Copy { run, to } => runs::duplicate(&run, &to, out),
                 Runs::Export { run, to } => runs::export(&run, &to, out),
             }
+        }
+        Command::Ledger(args) => {
+            palpate::ledger::command(&args.run, args.json, &mut std::io::stdout().lock())
         }
         Command::Plot(args) => {
             for path in plot::run(&args.runs, args.out.as_deref(), args.ema)? {

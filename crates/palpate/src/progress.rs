@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use palpate_env::{Outcome, Summary};
 use palpate_runs::Mark;
-use palpate_safety::Tally;
+use palpate_safety::{Counts, Tally};
 
 /// Episodes behind the rolling figures.
 const WINDOW: usize = 20;
@@ -27,10 +27,14 @@ pub(crate) struct Progress {
     pub rebuilt: u64,
     /// Refused commands and force stops, control ticks.
     pub tally: Tally,
+    /// Verdicts of the fail-safe layer other than a plain pass, control ticks.
+    pub verdicts: Counts,
     /// Step of the first success.
     pub first_success: Option<u64>,
     /// Where metrics.csv and episodes.csv end.
     pub tables: (Mark, Mark),
+    /// Where ledger.csv ends.
+    pub ledger: Mark,
     /// Latest evaluation.
     pub evaluated: Option<Evaluation>,
     /// An evaluation that no row of metrics.csv shows yet.
@@ -82,6 +86,7 @@ impl Progress {
     pub(crate) fn record(&mut self, summary: &Summary) {
         self.episodes += 1;
         self.tally += summary.tally;
+        self.verdicts += summary.verdicts;
         match summary.outcome {
             Outcome::Success => {
                 self.successes += 1;
@@ -143,6 +148,7 @@ mod tests {
             mean_force: 1.0,
             final_distance: 0.0,
             tally: Tally::default(),
+            verdicts: Counts::default(),
         }
     }
 

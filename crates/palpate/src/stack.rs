@@ -48,11 +48,7 @@ pub fn env<B: RobotBackend>(
     seed: u64,
     purpose: Purpose,
 ) -> anyhow::Result<Env<Safe<B>>> {
-    let tool0_T_tool = Pose::from_parts(
-        Vector3::from(config.robot.tcp).into(),
-        nalgebra::UnitQuaternion::identity(),
-    );
-    let robot = Safe::new(arm, chain, tool0_T_tool, config.safety.clone())?;
+    let robot = Safe::new(arm, chain, tool0_T_tool(&config.robot), config.safety.clone())?;
     Ok(Env::new(
         robot,
         config.env.clone(),
@@ -62,6 +58,11 @@ pub fn env<B: RobotBackend>(
         &config.policy,
         stream(seed, purpose),
     )?)
+}
+
+/// The tool centre point.
+pub(crate) fn tool0_T_tool(robot: &RobotConfig) -> Pose {
+    Pose::from_parts(Vector3::from(robot.tcp).into(), nalgebra::UnitQuaternion::identity())
 }
 
 /// Loads the arm's chain from a built-in or a user's URDF.

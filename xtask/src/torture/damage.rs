@@ -32,7 +32,7 @@ pub(super) fn torture(
 ) -> anyhow::Result<String> {
     let base = rig.path("base");
     rig.finish(&base, BEFORE)?;
-    let straight = rig.finish(&rig.copy(&base, "straight")?, AFTER)?;
+    let straight = rig.finish(&rig.copy(&base, "undamaged")?, AFTER)?;
     let manifest = format!("checkpoints/{}/manifest.json", newest(&base)?);
     let text = fs::read(base.join(&manifest))?;
     let trial = Trial { rig, straight: &straight };

@@ -23,7 +23,7 @@ pub(super) fn torture(
     if let Some(missing) = ["strace", "prlimit"].into_iter().find(|tool| !exists(tool)) {
         return Ok(format!("errors: not injected, for want of {missing}"));
     }
-    let straight = rig.finish(&rig.path("straight"), STEPS)?;
+    let straight = rig.finish(&rig.path("unharmed"), STEPS)?;
     let made = count_calls(rig)?;
     let (mut unharmed, mut resumed) = (0, 0);
     for n in 0..errors {
@@ -32,9 +32,10 @@ pub(super) fn torture(
         let (first, run) = (random.u64(1..=*times), random.u64(0..3));
         let inject = format!("inject={call}:error={error}:when={first}..{}", first + run);
         let wrapper = strace(&["-o", "/dev/null", "-e", &format!("trace={call}"), "-e", &inject]);
-        match ordeal(rig, &straight, &wrapper).context(inject)? {
-            true => unharmed += 1,
-            false => resumed += 1,
+        if ordeal(rig, &straight, &wrapper).context(inject)? {
+            unharmed += 1;
+        } else {
+            resumed += 1;
         }
         if n % 100 == 99 {
             println!("  {} of {errors} errors", n + 1);

@@ -10,6 +10,7 @@ use anyhow::{Context as _, bail, ensure};
 /// A run that writes something all the time: episodes of 15 steps, a checkpoint after nearly every second one.
 const RHYTHM: &[&str] = &[
     "env.max_steps=15",
+    "safety.mode=shield",
     "sac.hidden=[16, 16]",
     "sac.batch_size=16",
     "sac.start_training=16",
@@ -133,7 +134,7 @@ pub(super) fn newest(run: &Path) -> anyhow::Result<String> {
 pub(super) fn print(run: &Path) -> anyhow::Result<Print> {
     let last = format!("checkpoints/{}/", newest(run)?);
     let counts = |name: &String| {
-        ["metrics.csv", "episodes.csv"].contains(&name.as_str())
+        ["metrics.csv", "episodes.csv", "ledger.csv"].contains(&name.as_str())
             || name.starts_with(&last)
             || name.starts_with("checkpoints/best_")
     };

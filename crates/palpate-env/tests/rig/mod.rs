@@ -12,7 +12,7 @@ pub(crate) struct Preset {
     control: ControlConfig,
     pub(crate) safety: SafetyConfig,
     pub(crate) env: EnvConfig,
-    reward: RewardConfig,
+    pub(crate) reward: RewardConfig,
 }
 
 #[derive(serde::Deserialize)]

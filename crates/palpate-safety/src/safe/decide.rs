@@ -6,7 +6,7 @@ use palpate_spatial::JointVector;
 use super::{Measurement, Phase, Safe, SafeError};
 use crate::limits::{Mode, SpeedReference, check_speed, check_wrench};
 use crate::shield::Proposal;
-use crate::{Excess, Refusal, Verdict};
+use crate::{Cause, Entry, Excess, Refusal, Verdict};
 
 impl<B: RobotBackend> Safe<B> {
     /// The shield's verdict, then the actuation.
@@ -36,6 +36,7 @@ impl<B: RobotBackend> Safe<B> {
         solve: impl FnOnce(&Self) -> Result<JointVector, Refusal>,
     ) -> Result<Verdict, SafeError<B::Error>> {
         if let Phase::Latched(excess) = self.phase {
+            self.record(last, Cause::Stopped, None, excess.limit - excess.value.abs());
             self.hold(last)?;
             return Ok(Verdict::ForceExceeded(excess));
         }
@@ -49,12 +50,16 @@ impl<B: RobotBackend> Safe<B> {
             SpeedReference::Commanded => self.q_commanded.unwrap_or(last.state.q_target),
         };
         let dt = self.period().as_secs_f64();
-        let accepted = solve(self)
+        let solved = solve(self);
+        let proposed = solved.as_ref().ok().copied();
+        let accepted = solved
             .and_then(|q| check_speed(&from, &q, dt, &self.limits.joint_velocity_max).map(|()| q));
         let q = match accepted {
             Ok(q) => q,
             Err(refusal) => {
                 self.tally.add(&refusal);
+                let (cause, distance) = refusal.cause();
+                self.record(last, cause, proposed, distance);
                 self.hold(last)?;
                 return Ok(Verdict::Refused(refusal));
             }
@@ -85,8 +90,22 @@ impl<B: RobotBackend> Safe<B> {
     ) -> Result<Verdict, SafeError<B::Error>> {
         self.tally.force += 1;
         self.phase = Phase::Latched(excess);
+        self.record(last, Cause::ForceSoft, None, excess.limit - excess.value.abs());
         self.hold(last)?;
         Ok(Verdict::ForceExceeded(excess))
+    }
+
+    /// Puts a verdict after which the arm holds its set-point into the ledger.
+    fn record(
+        &mut self,
+        last: &Measurement,
+        cause: Cause,
+        proposed: Option<JointVector>,
+        distance: f64,
+    ) {
+        let (time, wrench) = (last.state.time, last.wrench);
+        let executed = self.q_commanded.unwrap_or(last.state.q_target);
+        self.ledger.add(Entry { time, ticks: 1, cause, proposed, executed, wrench, distance });
     }
 
     pub(super) fn hold(&mut self, last: &Measurement) -> Result<(), SafeError<B::Error>> {

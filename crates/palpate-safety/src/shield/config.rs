@@ -26,8 +26,6 @@ pub struct ShieldConfig {
     pub tracking_error_max: f64,
     /// Distance that capsules keep from planes and from each other, m.
     pub clearance: f64,
-    /// Verdicts that the ledger keeps; older ones are only counted.
-    pub ledger_entries: usize,
     /// What is mounted on the flange, tool0 axes. Its capsule is called `tool`.
     pub tool: Capsule,
     /// Where the tool centre point may be.

@@ -13,7 +13,6 @@ use super::decision::{Decision, Proposal};
 use super::force::{Contact, ForceGuard, WrenchLimits};
 use super::geometry::Geometry;
 use super::headroom::Headroom;
-use super::ledger::{Cause, Ledger};
 use super::motion::{MAIN, Motion};
 use super::plausible::{Implausible, Watch};
 use super::prove;
@@ -23,7 +22,7 @@ use super::shape::ArmShape;
 use super::verify::{Verified, Verifier};
 use super::wish::Wish;
 use crate::limits::{LimitsError, SafetyConfig};
-use crate::{Excess, Measurement, Refusal, Verdict};
+use crate::{Cause, Excess, Ledger, Measurement, Refusal, Verdict};
 
 /// Part of the catch-up speed per distance: what lags behind is made up for with a time constant of 25 ms.
 const CATCH_UP: f64 = 40.0;
@@ -121,7 +120,7 @@ impl Shield {
             reset,
             headroom: Headroom::new(f.stiffness, f.reaction_time),
             watch: Watch::new(config.sensor, &chain.limits().velocity),
-            ledger: Ledger::new(config.ledger_entries),
+            ledger: Ledger::new(safety.ledger_entries, dt),
             config,
             chain,
             verifier,

@@ -2,8 +2,7 @@
 
 use palpate_spatial::{JointVector, Pose};
 
-use super::ledger::Cause;
-use crate::Verdict;
+use crate::{Cause, Verdict};
 
 /// What the layer above asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,7 +3,7 @@
 //! [`Shield`] is pure: state, proposal and the robot's time in, verdict and set-point out. Its parts, one idea
 //! each: the [`Brake`] of a joint, the [`Motion`] commanded so far, [`Geometry`] of capsules, box and planes,
 //! [`ForceGuard`] and [`Headroom`] for contact, [`Watch`] over the samples, [`Retreat`] after a force stop,
-//! [`Recovery`] between tries, the [`Ledger`].
+//! [`Recovery`] between tries, the [`Ledger`](crate::Ledger).
 //!
 //! # The argument
 //! Call a state legal if the brake from it keeps every set-point legal. A step is executed only if it is within
@@ -18,7 +18,6 @@ mod decision;
 mod force;
 mod geometry;
 mod headroom;
-mod ledger;
 mod motion;
 mod plausible;
 mod prove;
@@ -39,7 +38,6 @@ pub use decision::{Decision, Proposal};
 pub use force::{Contact, ForceGuard, WrenchLimits};
 pub use geometry::{Clearance, Geometry, Obstacle};
 pub use headroom::{Bounds, Headroom};
-pub use ledger::{Cause, Counts, Entry, Ledger};
 pub use motion::Motion;
 pub use plausible::{Implausible, Watch};
 pub use recovery::{Action, Recovery, Seen, Standing};

@@ -6,9 +6,8 @@ use palpate_spatial::{DOF, JointVector, Pose};
 
 use super::core::Shield;
 use super::decision::Proposal;
-use super::ledger::Cause;
 use super::verify::GUARD;
-use crate::{Measurement, Refusal};
+use crate::{Cause, Measurement, Refusal};
 
 /// Time constant of an approach to an obstacle, s: several times a brake from moderate speed.
 const APPROACH: f64 = 0.15;

@@ -1,7 +1,8 @@
 //! Adversaries against the shield, with the judge looking on.
 
+use palpate_safety::Counts;
 use palpate_safety::SafetyConfig;
-use palpate_safety::shield::{Counts, Proposal, Shield};
+use palpate_safety::shield::{Proposal, Shield};
 use palpate_spatial::{DOF, JointVector, Vector3, Wrench};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -14,7 +14,7 @@ use palpate_env::{Env, EnvError};
 use palpate_robot_io::FaultKind;
 use palpate_runs::Journal;
 use palpate_sac::Policy;
-use palpate_safety::Guarded;
+use palpate_safety::{Entry, Guarded};
 
 use super::journal;
 use crate::baselines::Actor;
@@ -27,6 +27,9 @@ const REST: Duration = Duration::from_millis(1);
 const AT_REST: f64 = 0.01;
 /// Control periods that braking may take: 1 s; from 2π rad/s at 10 rad/s² it takes 0.63 s.
 const TICKS_TO_REST: u32 = 500;
+
+/// Room for verdicts that the learner has not written yet.
+const VERDICTS: usize = 4096;
 
 /// What the control thread is asked for.
 #[derive(Debug)]
@@ -99,6 +102,8 @@ impl Exchange {
 pub(super) struct Control {
     pub(super) orders: SyncSender<Order>,
     pub(super) news: Receiver<News>,
+    /// What the fail-safe layer said until then, on the way to the start (times before 0) and in the episode.
+    pub(super) verdicts: Receiver<Entry>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -119,6 +124,7 @@ impl Control {
     ) -> anyhow::Result<Self> {
         let (orders, inbox) = sync_channel(4);
         let (outbox, news) = sync_channel(room(steps));
+        let (said, verdicts) = sync_channel(VERDICTS);
         let thread = std::thread::Builder::new()
             .name("control".into())
             .spawn(move || {
@@ -130,13 +136,13 @@ impl Control {
                         return;
                     }
                 };
-                let mut pilot = Pilot { env, actor, exchange, inbox, outbox };
+                let mut pilot = Pilot { env, actor, exchange, inbox, outbox, said };
                 pilot.say(News::Ready);
                 pilot.serve();
                 farewell(&pilot.env);
             })
             .context("cannot start the control thread")?;
-        Ok(Self { orders, news, thread: Some(thread) })
+        Ok(Self { orders, news, verdicts, thread: Some(thread) })
     }
 
     /// Keeps every step in a journal before it is heard; `taken` steps came before, an episode has at most
@@ -169,6 +175,7 @@ struct Pilot<R: Guarded> {
     exchange: Exchange,
     inbox: Receiver<Order>,
     outbox: SyncSender<News>,
+    said: SyncSender<Entry>,
 }
 
 impl<R: Guarded> Pilot<R> {
@@ -194,6 +201,7 @@ impl<R: Guarded> Pilot<R> {
             if let Err(error) = done {
                 // Also where the arm is whole and only the way was blocked.
                 _ = self.env.stop();
+                self.empty_ledger();
                 self.say(News::Fault(fault::<R>(&error)));
             }
         }
@@ -227,11 +235,24 @@ impl<R: Guarded> Pilot<R> {
             let next = self.env.observation().to_vec();
             let over = step.summary.is_some();
             let seen = std::mem::replace(&mut observation, next.clone());
+            if over {
+                self.empty_ledger();
+            }
             self.say(News::Step(Box::new(Lesson::new(seen, narrow, next, step))));
             if over {
                 return Ok(());
             }
         }
+    }
+
+    /// Hands over what the fail-safe layer said; what there is no room for is still counted in the summary.
+    fn empty_ledger(&mut self) {
+        let start = self.env.started();
+        let ledger = self.env.ledger_mut();
+        for entry in ledger.entries() {
+            _ = self.said.try_send(Entry { time: entry.time - start, ..*entry });
+        }
+        ledger.clear_entries();
     }
 
     fn say(&self, news: News) {

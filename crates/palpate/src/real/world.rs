@@ -12,6 +12,7 @@ use crate::interrupt;
 use crate::progress::Evaluation;
 use crate::train::pupil::Pupil;
 use crate::train::world::World;
+use palpate_safety::Entry;
 
 /// How often a wait looks at Enter and Ctrl-C.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -117,6 +118,10 @@ impl World for RealTime {
                 }
             }
         }
+    }
+
+    fn verdicts(&mut self) -> Vec<Entry> {
+        self.arm.control.verdicts.try_iter().collect()
     }
 
     /// Not during training: it would cost the arm's time. `run-policy` measures afterwards.

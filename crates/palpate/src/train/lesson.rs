@@ -78,7 +78,7 @@ impl Lesson {
 mod tests {
     use super::*;
     use palpate_env::Outcome;
-    use palpate_safety::Tally;
+    use palpate_safety::{Counts, Tally};
 
     #[test]
     fn a_record_reads_back_as_the_same_bits() {
@@ -92,6 +92,7 @@ mod tests {
             mean_force: 1.0 / 3.0,
             final_distance: 1e-17,
             tally: Tally::default(),
+            verdicts: Counts::default(),
         };
         for summary in [None, Some(summary)] {
             let lesson = Lesson {

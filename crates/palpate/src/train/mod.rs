@@ -6,6 +6,7 @@
 //! Checkpoints are taken between episodes, where a simulated world is rebuilt from the seed and the episode's
 //! number, so a simulated run that is resumed continues exactly as if it had never stopped.
 
+pub(crate) mod book;
 mod disk;
 pub(crate) mod lesson;
 mod past;
@@ -107,6 +108,7 @@ pub(crate) fn run(mut world: impl World, mut pupil: Pupil) -> anyhow::Result<()>
     while !pupil.complete() && !interrupt::requested() {
         let before = pupil.progress.step;
         world.episode(&mut pupil)?;
+        pupil.keep_verdicts(&world.verdicts())?;
         let (step, run) = (pupil.progress.step, &pupil.config.run);
         let done = step >= run.steps || interrupt::requested();
         let (evaluate_every, checkpoint_every) = (run.evaluate_every, run.checkpoint_every);

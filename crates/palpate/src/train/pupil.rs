@@ -6,7 +6,9 @@ use anyhow::Result;
 use palpate_env::{Outcome, Summary};
 use palpate_runs::{CheckpointStore, Console, Metrics, RunDir, Slot, Table};
 use palpate_sac::{Sac, Transition, UpdateStats};
+use palpate_safety::Entry;
 
+use super::book::Book;
 use super::disk::insist;
 use super::lesson::Lesson;
 use super::tables::{EPISODES, METRICS};
@@ -28,6 +30,7 @@ pub(crate) struct Pupil {
     store: CheckpointStore,
     metrics: Metrics,
     episodes: Table,
+    ledger: Book,
     /// The command that resumes it.
     command: &'static str,
     /// Latest statistics of the learner, for the next row.
@@ -48,6 +51,7 @@ impl Pupil {
             store: dir.checkpoints()?,
             metrics: Metrics::open(&dir, METRICS, progress.tables.0)?,
             episodes: Table::open(&dir.path().join("episodes.csv"), EPISODES, progress.tables.1)?,
+            ledger: Book::open(&config, &dir, progress.ledger)?,
             console: Console::new(config.run.steps, progress.step),
             config,
             dir,
@@ -97,6 +101,12 @@ impl Pupil {
         Ok(())
     }
 
+    /// Writes what the fail-safe layer said in the last episode.
+    pub(crate) fn keep_verdicts(&mut self, entries: &[Entry]) -> Result<()> {
+        let at = (self.progress.episodes.saturating_sub(1), self.progress.step);
+        self.ledger.write(&mut self.console, at, entries)
+    }
+
     /// Takes in an evaluation; keeps the best policy.
     pub(crate) fn evaluated(&mut self, evaluation: Evaluation) -> Result<()> {
         self.progress.evaluated = Some(evaluation);
@@ -130,11 +140,13 @@ impl Pupil {
     pub(crate) fn checkpoint(&mut self) -> Result<()> {
         let began = Instant::now();
         self.progress.tables = (self.metrics.mark(), self.episodes.mark());
-        let Self { config, agent, progress, console, store, metrics, episodes, .. } = self;
+        self.progress.ledger = self.ledger.mark();
+        let Self { config, agent, progress, console, store, metrics, episodes, ledger, .. } = self;
         let config = config.to_toml()?;
         insist(console, || {
             metrics.sync()?;
             episodes.sync()?;
+            ledger.sync()?;
             store.save(Slot::Step(progress.step), |dir| {
                 agent.save(dir)?;
                 std::fs::write(dir.join(PROGRESS), serde_json::to_string_pretty(progress)?)?;
@@ -158,6 +170,7 @@ impl Pupil {
             "collisions": p.collisions,
             "first_success_step": p.first_success,
             "refusals": p.tally,
+            "verdicts": p.verdicts,
             "simulator_faults": p.faults,
             "worlds_rebuilt": p.rebuilt,
             "success_rate_last_20": p.success_rate(),

@@ -2,7 +2,7 @@
 
 use palpate_env::{Env, Summary};
 use palpate_sac::Mode;
-use palpate_safety::Guarded;
+use palpate_safety::{Entry, Guarded};
 
 use super::lesson::Lesson;
 use super::pupil::Pupil;
@@ -14,6 +14,9 @@ use crate::progress::Evaluation;
 pub(crate) trait World {
     /// One episode. It may end early after an interrupt.
     fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()>;
+
+    /// The fail-safe layer's verdicts in the last episode; times count from its first tick.
+    fn verdicts(&mut self) -> Vec<Entry>;
 
     /// How good the policy is now; `None` where that is not measured during training.
     fn evaluate(&mut self, pupil: &Pupil) -> anyhow::Result<Option<Evaluation>>;
@@ -43,6 +46,8 @@ impl<R: Guarded> World for Lockstep<R> {
     fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()> {
         let rebuilt = self.env.rebuilt();
         self.env.reset()?;
+        // A resumed run does not come the same way: what was said on it is not part of the run.
+        self.env.ledger_mut().clear_entries();
         let mut observation = self.env.observation().to_vec();
         let mut action = vec![0.0f32; self.env.action_dim()];
         loop {
@@ -58,6 +63,14 @@ impl<R: Guarded> World for Lockstep<R> {
                 return Ok(());
             }
         }
+    }
+
+    fn verdicts(&mut self) -> Vec<Entry> {
+        let start = self.env.started();
+        let ledger = self.env.ledger_mut();
+        let entries = ledger.entries().map(|e| Entry { time: e.time - start, ..*e }).collect();
+        ledger.clear_entries();
+        entries
     }
 
     /// Deterministic episodes on the same starts every time.

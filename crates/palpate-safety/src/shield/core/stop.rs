@@ -4,9 +4,9 @@ use palpate_kinematics::Frame;
 use palpate_spatial::{JointVector, Vector3};
 
 use super::{Shield, Stage};
+use crate::ledger::{Cause, Entry};
 use crate::shield::decision::{Decision, Proposal};
 use crate::shield::headroom::Bounds;
-use crate::shield::ledger::{Cause, Entry};
 use crate::shield::motion::Motion;
 use crate::shield::retreat::Retreat;
 use crate::{Excess, Measurement, Verdict};
@@ -107,7 +107,7 @@ impl Shield {
         executed: &JointVector,
         distance: f64,
     ) {
-        let (time, executed) = (m.state.time, *executed);
-        self.ledger.add(Entry { time, cause, proposed, executed, wrench: m.wrench, distance });
+        let (time, executed, wrench) = (m.state.time, *executed, m.wrench);
+        self.ledger.add(Entry { time, ticks: 1, cause, proposed, executed, wrench, distance });
     }
 }

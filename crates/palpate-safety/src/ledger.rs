@@ -5,7 +5,7 @@ use palpate_spatial::{JointVector, Wrench};
 macro_rules! causes {
     ($($(#[$doc:meta])* $cause:ident = $name:literal,)*) => {
         /// Why a command was not simply passed on.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
         #[serde(rename_all = "kebab-case")]
         pub enum Cause { $($(#[$doc])* $cause,)* }
 
@@ -98,17 +98,37 @@ impl std::ops::Sub for Counts {
     }
 }
 
-impl serde::Serialize for Counts {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.iter().map(|(cause, count)| (cause.name(), count)))
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.0.iter_mut().zip(other.0).for_each(|(count, more)| *count += more);
     }
 }
 
-/// One verdict.
+impl serde::Serialize for Counts {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let given = self.iter().filter(|(_, count)| *count > 0);
+        serializer.collect_map(given.map(|(cause, count)| (cause.name(), count)))
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for Counts {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let given = std::collections::BTreeMap::<Cause, u64>::deserialize(deserializer)?;
+        let mut counts = Self::default();
+        for (cause, count) in given {
+            counts.0[cause as usize] = count;
+        }
+        Ok(counts)
+    }
+}
+
+/// One verdict, or the same verdict in tick after tick: then all is that of the first but `ticks` and `distance`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Entry {
     /// The robot's clock, s.
     pub time: f64,
+    /// Control ticks in a row.
+    pub ticks: u32,
     /// Why.
     pub cause: Cause,
     /// What was asked for, as joints, rad; none where no joints were found.
@@ -117,7 +137,7 @@ pub struct Entry {
     pub executed: JointVector,
     /// Filtered contact wrench, base axes, about the tool centre point.
     pub wrench: Wrench,
-    /// Distance to the limit that decided, in the limit's own unit; negative: beyond it.
+    /// Least distance to the limit that decided, in the limit's own unit; negative: beyond it; NaN: not a distance.
     pub distance: f64,
 }
 
@@ -128,24 +148,41 @@ pub struct Ledger {
     capacity: usize,
     /// Where the next entry goes once the ring is full.
     next: usize,
+    /// Time between ticks, s.
+    period: f64,
     counts: Counts,
 }
 
 impl Ledger {
-    /// A ledger that keeps the latest `capacity` entries; all memory is taken here.
-    pub fn new(capacity: usize) -> Self {
-        Self { ring: Vec::with_capacity(capacity), capacity, next: 0, counts: Counts::default() }
+    /// A ledger that keeps the latest `capacity` entries of ticks `period` (s) apart; all memory is taken here.
+    pub fn new(capacity: usize, period: f64) -> Self {
+        let (ring, counts) = (Vec::with_capacity(capacity), Counts::default());
+        Self { ring, capacity, next: 0, period, counts }
     }
 
-    /// Counts and keeps one entry.
+    /// Counts the verdict of one tick and keeps it.
     pub fn add(&mut self, entry: Entry) {
         self.counts.0[entry.cause as usize] += 1;
+        let period = self.period;
+        if let Some(newest) = self.newest()
+            && newest.cause == entry.cause
+            && (entry.time - newest.time - f64::from(newest.ticks) * period).abs() < 0.5 * period
+        {
+            newest.ticks += 1;
+            newest.distance = newest.distance.min(entry.distance);
+            return;
+        }
         if self.ring.len() < self.capacity {
             self.ring.push(entry);
         } else if let Some(oldest) = self.ring.get_mut(self.next) {
             *oldest = entry;
             self.next = (self.next + 1) % self.capacity;
         }
+    }
+
+    fn newest(&mut self) -> Option<&mut Entry> {
+        let newest = (self.next + self.ring.len()).checked_sub(1)? % self.ring.len().max(1);
+        self.ring.get_mut(newest)
     }
 
     /// Verdicts by cause since the beginning.
@@ -172,12 +209,13 @@ mod tests {
 
     fn entry(time: f64, cause: Cause) -> Entry {
         let executed = JointVector::zeros();
-        Entry { time, cause, proposed: None, executed, wrench: Wrench::zero(), distance: 0.0 }
+        let (proposed, wrench, distance) = (None, Wrench::zero(), -time);
+        Entry { time, ticks: 1, cause, proposed, executed, wrench, distance }
     }
 
     #[test]
     fn the_ring_keeps_the_latest_and_the_counts_keep_all() {
-        let mut ledger = Ledger::new(3);
+        let mut ledger = Ledger::new(3, 1.0);
         for i in 0..8 {
             let cause = if i % 2 == 0 { Cause::NoIk } else { Cause::Plane };
             ledger.add(entry(f64::from(i), cause));
@@ -193,8 +231,25 @@ mod tests {
     }
 
     #[test]
+    fn the_same_verdict_in_a_row_is_one_entry() {
+        for full in [false, true] {
+            let mut ledger = Ledger::new(3, 0.002);
+            if full {
+                (0..5).for_each(|i| ledger.add(entry(-1.0 - f64::from(i), Cause::Branch)));
+            }
+            for tick in [0, 1, 2, 3, 7, 8] {
+                ledger.add(entry(0.002 * f64::from(tick), Cause::JointSpeed));
+            }
+            let kept: Vec<_> = ledger.entries().filter(|e| e.cause == Cause::JointSpeed).collect();
+            assert_eq!((kept[0].time, kept[0].ticks, kept[0].distance), (0.0, 4, -0.006));
+            assert_eq!((kept[1].time, kept[1].ticks), (0.014, 2));
+            assert_eq!((kept.len(), ledger.counts().of(Cause::JointSpeed)), (2, 6));
+        }
+    }
+
+    #[test]
     fn a_ledger_without_room_still_counts() {
-        let mut ledger = Ledger::new(0);
+        let mut ledger = Ledger::new(0, 1.0);
         ledger.add(entry(0.0, Cause::Shaped));
         assert_eq!((ledger.entries().count(), ledger.counts().of(Cause::Shaped)), (0, 1));
     }
