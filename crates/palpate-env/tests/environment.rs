@@ -178,7 +178,7 @@ fn held(q: JointVector, change: impl FnOnce(&mut rig::Preset)) -> Env<Safe<Ideal
 const FAST: [f64; 14] = [0.6, -0.5, 0.7, 0.3, 0.2, -0.3, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5];
 
 /// What was executed where every command was refused is an action that moves nothing; and where nothing is refused,
-/// it does move (nearly) nothing.
+/// it does move little: the law's own part changes within a step.
 #[test]
 fn the_executed_action_is_the_one_that_moves_the_arm_as_it_was_moved() {
     let moved = |env: &mut Env<Safe<IdealArm>>, action: &[f64]| {
@@ -202,7 +202,7 @@ fn the_executed_action_is_the_one_that_moves_the_arm_as_it_was_moved() {
     held.executed(&mut executed, &refused.deviation);
     assert_eq!(executed[6..], FAST.map(|a| a as f32)[6..], "gains are executed as proposed");
     let (_, little) = moved(&mut again, &executed.map(f64::from));
-    assert!(little < 0.1 * far, "{little} of {far}");
+    assert!(little < 0.3 * far, "{little} of {far}");
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Where a run's numbers come from.
 
+use std::io::Read as _;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 
@@ -49,9 +50,15 @@ fn start() -> Value {
 /// null if there is none any more.
 fn git() -> Value {
     let git = |args: &[&str]| {
-        let said = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR")]).args(args).output();
-        let said = said.ok().filter(|said| said.status.success())?;
-        Some(String::from_utf8_lossy(&said.stdout).trim().to_owned())
+        let mut command = Command::new("git");
+        // Without its locks: somebody may be committing there.
+        command.args(["--no-optional-locks", "-C", env!("CARGO_MANIFEST_DIR")]).args(args);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
+        // Not `output`, which panics where the pipe cannot be read.
+        let (mut child, mut said) = (command.spawn().ok()?, String::new());
+        let read = child.stdout.take()?.read_to_string(&mut said);
+        let ended = child.wait().ok()?;
+        (read.is_ok() && ended.success()).then(|| said.trim().to_owned())
     };
     let commit = git(&["rev-parse", "HEAD"]);
     let changes = git(&["status", "--porcelain", "--untracked-files=no"]);

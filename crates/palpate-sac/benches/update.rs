@@ -34,6 +34,7 @@ fn agent(ops: Ops, batch_size: usize) -> Sac {
         let transition = Transition {
             observation: &observation,
             action: &action,
+            executed: &action,
             reward: rng.random_range(-1.0..1.0),
             next_observation: &next_observation,
             terminal: false,

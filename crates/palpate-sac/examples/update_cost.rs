@@ -57,6 +57,7 @@ fn experienced(ops: Ops) -> Sac {
         let transition = Transition {
             observation: &observation,
             action: &action,
+            executed: &action,
             reward: -action[0].abs(),
             next_observation: &next_observation,
             terminal: false,

@@ -7,7 +7,7 @@ use crate::error::{check_length, check_vector};
 use crate::learner::{Batch, Learner};
 use crate::replay::Replay;
 use crate::rng::{Streams, fill_normal};
-use crate::{Policy, SacConfig, SacError, Transition, UpdateStats};
+use crate::{LearnFrom, Policy, SacConfig, SacError, Transition, UpdateStats};
 
 /// How an action is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,6 +103,7 @@ impl Sac {
     pub fn observe(&mut self, transition: &Transition<'_>) -> Result<(), SacError> {
         check_vector("observation", self.observation_dim, transition.observation)?;
         check_vector("action", self.action_dim, transition.action)?;
+        check_vector("executed action", self.action_dim, transition.executed)?;
         check_vector("reward", 1, &[transition.reward])?;
         check_vector("next observation", self.observation_dim, transition.next_observation)?;
         self.replay.push(transition);
@@ -136,7 +137,8 @@ impl Sac {
     }
 
     fn draw_batch(&mut self) -> Result<Batch, SacError> {
-        let SacConfig { batch_size: rows, n_step, gamma, reward_scale, .. } = self.config;
+        let SacConfig { batch_size: rows, n_step, gamma, reward_scale, learn_from, .. } =
+            self.config;
         let (o, a) = (self.observation_dim, self.action_dim);
         let mut observation = Vec::with_capacity(rows * o);
         let mut action = Vec::with_capacity(rows * a);
@@ -147,7 +149,10 @@ impl Sac {
             let slot = self.replay.draw(&mut self.streams.replay);
             let r = self.replay.n_step(slot, n_step, gamma);
             observation.extend_from_slice(self.replay.observation(slot));
-            action.extend_from_slice(self.replay.action(slot));
+            action.extend_from_slice(match learn_from {
+                LearnFrom::Proposed => self.replay.action(slot),
+                LearnFrom::Executed => self.replay.executed(slot),
+            });
             reward.push((reward_scale * r.reward) as f32);
             discount.push(r.discount as f32);
             bootstrap_observation.extend_from_slice(self.replay.next_observation(r.slot));

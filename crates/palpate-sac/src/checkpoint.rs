@@ -100,6 +100,7 @@ impl Sac {
         let (rows, o, a) = (replay.len(), *observation_dim, *action_dim);
         ring.f32("observation", &[rows, o], &replay.observations);
         ring.f32("action", &[rows, a], &replay.actions);
+        ring.f32("executed", &[rows, a], &replay.executed);
         ring.f32("reward", &[rows], &replay.rewards);
         ring.f32("next_observation", &[rows, o], &replay.next_observations);
         ring.u8("terminal", &[rows], &replay.terminals);
@@ -179,6 +180,7 @@ impl Sac {
         replay.next = next;
         replay.observations = reader.f32("observation", &[rows, o])?;
         replay.actions = reader.f32("action", &[rows, a])?;
+        replay.executed = reader.f32("executed", &[rows, a])?;
         replay.rewards = reader.f32("reward", &[rows])?;
         replay.next_observations = reader.f32("next_observation", &[rows, o])?;
         replay.terminals = reader.u8("terminal", &[rows])?;

@@ -14,6 +14,16 @@ pub enum Ops {
     Plain,
 }
 
+/// Which action of a step the critics learn the value of, where a safety layer changed it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LearnFrom {
+    /// The policy's: the layer is part of the world, and what it does to an action is learned.
+    Proposed,
+    /// What came of it.
+    Executed,
+}
+
 /// Entropy that the temperature steers the policy to, nats.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "EntropyKey", into = "EntropyKey")]
@@ -80,6 +90,8 @@ pub struct SacConfig {
     pub n_step: usize,
     /// Share of the critics that flows into their targets per update, τ.
     pub tau: f64,
+    /// Which action of a step is learned from.
+    pub learn_from: LearnFrom,
     /// Transitions per update.
     pub batch_size: usize,
     /// Gradient updates per call of [`Sac::update`](crate::Sac::update), one call per step.
@@ -119,6 +131,7 @@ impl Default for SacConfig {
             gamma: 0.98,
             n_step: 5,
             tau: 0.005,
+            learn_from: LearnFrom::Proposed,
             batch_size: 128,
             updates_per_step: 2,
             actor_learning_rate: 3e-4,

@@ -148,6 +148,7 @@ fn experienced(ops: Ops) -> Sac {
                 .observe(&Transition {
                     observation: &observation,
                     action: &action,
+                    executed: &action,
                     reward,
                     next_observation: &next_observation,
                     terminal: false,

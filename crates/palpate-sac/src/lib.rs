@@ -16,6 +16,7 @@
 //!     agent.observe(&Transition {
 //!         observation: &observation,
 //!         action: &action,
+//!         executed: &action,
 //!         reward: -action[0].abs(),
 //!         next_observation: &observation,
 //!         terminal: false,
@@ -64,7 +65,7 @@ mod squash;
 mod tensors;
 
 pub use agent::{Mode, Sac};
-pub use config::{Ops, SacConfig, TargetEntropy};
+pub use config::{LearnFrom, Ops, SacConfig, TargetEntropy};
 pub use error::SacError;
 pub use learner::UpdateStats;
 pub use policy::Policy;

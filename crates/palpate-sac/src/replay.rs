@@ -8,8 +8,10 @@ use rand_chacha::ChaCha8Rng;
 pub struct Transition<'a> {
     /// What the agent saw.
     pub observation: &'a [f32],
-    /// What it did, each in [−1, 1].
+    /// What it chose, each in [−1, 1].
     pub action: &'a [f32],
+    /// What was done of it: the same, or what a safety layer made of it.
+    pub executed: &'a [f32],
     /// What it got, before [`reward_scale`](crate::SacConfig::reward_scale).
     pub reward: f32,
     /// What it saw then.
@@ -30,6 +32,7 @@ pub(crate) struct Replay {
     pub(crate) next: usize,
     pub(crate) observations: Vec<f32>,
     pub(crate) actions: Vec<f32>,
+    pub(crate) executed: Vec<f32>,
     pub(crate) rewards: Vec<f32>,
     pub(crate) next_observations: Vec<f32>,
     pub(crate) terminals: Vec<u8>,
@@ -56,6 +59,7 @@ impl Replay {
             next: 0,
             observations: Vec::new(),
             actions: Vec::new(),
+            executed: Vec::new(),
             rewards: Vec::new(),
             next_observations: Vec::new(),
             terminals: Vec::new(),
@@ -71,6 +75,7 @@ impl Replay {
         let slot = self.next;
         put(&mut self.observations, slot, t.observation);
         put(&mut self.actions, slot, t.action);
+        put(&mut self.executed, slot, t.executed);
         put(&mut self.rewards, slot, &[t.reward]);
         put(&mut self.next_observations, slot, t.next_observation);
         put(&mut self.terminals, slot, &[u8::from(t.terminal)]);
@@ -125,6 +130,7 @@ impl Replay {
             Transition {
                 observation: self.observation(slot),
                 action: self.action(slot),
+                executed: self.executed(slot),
                 reward: self.rewards[slot],
                 next_observation: self.next_observation(slot),
                 terminal: self.terminals[slot] == 1,
@@ -139,6 +145,10 @@ impl Replay {
 
     pub(crate) fn action(&self, slot: usize) -> &[f32] {
         row(&self.actions, slot, self.action_dim)
+    }
+
+    pub(crate) fn executed(&self, slot: usize) -> &[f32] {
+        row(&self.executed, slot, self.action_dim)
     }
 
     pub(crate) fn next_observation(&self, slot: usize) -> &[f32] {
@@ -182,6 +192,7 @@ mod tests {
             replay.push(&Transition {
                 observation: &[number],
                 action: &[0.0],
+                executed: &[0.0],
                 reward: 2f32.powi(i),
                 next_observation: &[-number],
                 terminal: *end == End::Terminal,
@@ -264,6 +275,7 @@ mod tests {
         replay.push(&Transition {
             observation: &[9.0],
             action: &[0.0],
+            executed: &[0.0],
             reward: 100.0,
             next_observation: &[-9.0],
             terminal: false,

@@ -1,14 +1,33 @@
 //! Small tasks that nothing but learning solves.
 #![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 
-use palpate_sac::{Mode, Sac, SacConfig, TargetEntropy, Transition};
+use palpate_sac::{LearnFrom, Mode, Sac, SacConfig, TargetEntropy, Transition};
 
 /// One decision per episode: reward −|a − best|², the best action given by the observation.
 #[test]
 fn finds_the_best_action_of_a_bandit() {
-    let config = SacConfig {
+    let config = bandit(LearnFrom::Proposed);
+    let learned = mean_regret(&mut trained(&config, 1.0), 1.0);
+    let fresh = mean_regret(&mut Sac::new(&config, 1, 2, 2).unwrap(), 1.0);
+    println!("mean regret {learned:.4}, untrained {fresh:.4}");
+    assert!(learned <= 0.02 && fresh >= 0.2, "{learned}, untrained {fresh}");
+}
+
+/// A layer that lets half of every action through: who learns from what was proposed asks for twice as much, who learns
+/// from what was executed asks for what should be done.
+#[test]
+fn learns_the_value_of_the_action_it_is_told_to() {
+    let proposed = mean_regret(&mut trained(&bandit(LearnFrom::Proposed), 0.5), 2.0);
+    let executed = mean_regret(&mut trained(&bandit(LearnFrom::Executed), 0.5), 1.0);
+    println!("mean regret {proposed:.4} and {executed:.4}");
+    assert!(proposed <= 0.08 && executed <= 0.02, "{proposed} {executed}");
+}
+
+fn bandit(learn_from: LearnFrom) -> SacConfig {
+    SacConfig {
         hidden: vec![32, 32],
         batch_size: 32,
+        learn_from,
         updates_per_step: 1,
         actor_learning_rate: 3e-3,
         critic_learning_rate: 3e-3,
@@ -16,18 +35,23 @@ fn finds_the_best_action_of_a_bandit() {
         target_entropy: TargetEntropy::Nats(-3.0),
         start_training: 32,
         ..SacConfig::default()
-    };
-    let mut agent = Sac::new(&config, 1, 2, 1).unwrap();
+    }
+}
+
+/// An agent of the bandit, of whose actions this part is executed.
+fn trained(config: &SacConfig, part: f32) -> Sac {
+    let mut agent = Sac::new(config, 1, 2, 1).unwrap();
     let mut action = [0.0f32; 2];
     for step in 0..1_500u16 {
         let observation = [f32::from(step * 7 % 21) / 10.0 - 1.0];
         agent.act(&observation, Mode::Explore, &mut action).unwrap();
-        let [a, b] = best(observation[0]);
+        let ([a, b], executed) = (best(observation[0]), action.map(|x| part * x));
         agent
             .observe(&Transition {
                 observation: &observation,
                 action: &action,
-                reward: -(action[0] - a).powi(2) - (action[1] - b).powi(2),
+                executed: &executed,
+                reward: -(executed[0] - a).powi(2) - (executed[1] - b).powi(2),
                 next_observation: &observation,
                 terminal: true,
                 episode_end: true,
@@ -35,10 +59,7 @@ fn finds_the_best_action_of_a_bandit() {
             .unwrap();
         agent.update().unwrap();
     }
-    let learned = mean_regret(&mut agent);
-    let fresh = mean_regret(&mut Sac::new(&config, 1, 2, 2).unwrap());
-    println!("mean regret {learned:.4}, untrained {fresh:.4}");
-    assert!(learned <= 0.02 && fresh >= 0.2, "{learned}, untrained {fresh}");
+    agent
 }
 
 /// The best actions of the bandit.
@@ -46,13 +67,13 @@ fn best(x: f32) -> [f32; 2] {
     [0.6 * x, -0.3 - 0.4 * x]
 }
 
-/// Mean reward missed by the policy's mean action; uniform actions miss 0.9.
-fn mean_regret(agent: &mut Sac) -> f32 {
+/// Mean reward missed by the policy's mean action, where `times` the best is to be asked for; uniform actions miss 0.9.
+fn mean_regret(agent: &mut Sac, times: f32) -> f32 {
     let mut total = 0.0;
     for i in -10..=10i8 {
         let (x, mut action) = (f32::from(i) / 10.0, [0.0; 2]);
         agent.act(&[x], Mode::Exploit, &mut action).unwrap();
-        total += best(x).iter().zip(action).map(|(b, a)| (a - b).powi(2)).sum::<f32>();
+        total += best(x).iter().zip(action).map(|(b, a)| (a - times * b).powi(2)).sum::<f32>();
     }
     total / 21.0
 }
@@ -121,6 +142,7 @@ fn brings_a_mass_to_rest() {
                 .observe(&Transition {
                     observation: &observation,
                     action: &action,
+                    executed: &action,
                     reward,
                     next_observation: &mass.observation(),
                     terminal: false,

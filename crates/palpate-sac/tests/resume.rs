@@ -42,6 +42,7 @@ impl Run {
                 .observe(&Transition {
                     observation: &self.observation,
                     action: &action,
+                    executed: &action,
                     reward: -next_observation[0].abs(),
                     next_observation: &next_observation,
                     terminal: end && position > 0.4,

@@ -25,6 +25,9 @@ pub struct SimArm {
     base_T_hole: Pose,
     hole_T_base: Pose,
     config: SimConfig,
+    /// The settings of this episode.
+    drawn: SimConfig,
+    seed: u64,
     world: ContactWorld,
     q_start: JointVector,
     servo: Servo,
@@ -60,6 +63,8 @@ impl SimArm {
             base_T_hole,
             hole_T_base,
             config: config.clone(),
+            drawn: config.clone(),
+            seed,
             q_start,
             servo: Servo::new(&config.servo, Self::PERIOD.as_secs_f64(), q_start),
             sensor: Sensor::new(&config.sensor, seed),
@@ -88,8 +93,17 @@ impl SimArm {
     }
 
     fn rebuild_world(&mut self) {
-        self.world = ContactWorld::build(&self.config, &self.flange());
+        self.world = ContactWorld::build(&self.drawn, &self.flange());
         self.load = Wrench::zero();
+    }
+
+    /// A servo on its way somewhere keeps its lag and dead time: what it has been told is not lost.
+    fn draw(&mut self) {
+        self.drawn = self.config.drawn(self.seed, &self.servo.q);
+        if self.drawn.servo != self.config.servo && self.servo.q == self.servo.q_target {
+            let dt = Self::PERIOD.as_secs_f64();
+            self.servo = Servo::new(&self.drawn.servo, dt, self.servo.q);
+        }
     }
 
     fn flange(&self) -> Pose {
@@ -159,11 +173,12 @@ impl RobotBackend for SimArm {
         Ok(())
     }
 
-    /// In free air at rest, also rebuilds the world around the arm, so that nothing before the tare can
-    /// matter after it. Under load it only zeroes the reading, as a real sensor does.
+    /// In free air at rest, also draws what `spread` says anew and rebuilds the world around the arm, so that nothing
+    /// before the tare can matter after it. Under load it only zeroes the reading, as a real sensor does.
     fn tare(&mut self) -> Result<(), SimError> {
         if self.load.force.norm() <= AT_REST.0 && self.load.torque.norm() <= AT_REST.1 {
             self.servo.settle();
+            self.draw();
             self.rebuild_world();
         }
         self.sensor.tare(&self.load, &self.servo.q);

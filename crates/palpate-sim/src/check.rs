@@ -35,6 +35,11 @@ impl SimConfig {
     /// # Errors
     /// The first that makes no sense, with what would.
     pub fn validate(&self) -> Result<(), SimError> {
+        self.check_values()?;
+        self.check_spread(Self::check_values)
+    }
+
+    fn check_values(&self) -> Result<(), SimError> {
         self.check_signs()?;
         self.check_receptacle()?;
         self.check_geometry()?;

@@ -1,5 +1,7 @@
 //! Geometry and physics of the simulation. Every key must be stated.
 
+use crate::spread::SpreadConfig;
+
 /// Everything the simulator needs to know but the arm and the pose of the hole.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -23,6 +25,8 @@ pub struct SimConfig {
     pub servo: ServoConfig,
     /// The force/torque sensor.
     pub sensor: SensorConfig,
+    /// What of the above is drawn anew for every episode.
+    pub spread: SpreadConfig,
     /// Numerical settings of the physics engine.
     pub solver: SolverConfig,
 }

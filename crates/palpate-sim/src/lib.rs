@@ -65,6 +65,7 @@ mod profile;
 mod round;
 mod sensor;
 mod servo;
+mod spread;
 mod touch;
 
 pub use arm::SimArm;
@@ -74,3 +75,4 @@ pub use config::{
 };
 pub use contact::{ContactPoint, ContactWorld};
 pub use error::{EngineFault, SimError};
+pub use spread::SpreadConfig;

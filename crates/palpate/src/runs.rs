@@ -119,6 +119,7 @@ pub fn export(run: &Path, to: &Path, out: &mut dyn Write) -> anyhow::Result<()> 
     let names = names
         .chain(many("observation", observation))
         .chain(many("action", action))
+        .chain(many("executed", action))
         .chain(many("next_observation", observation));
     writeln!(csv, "{}", names.collect::<Vec<_>>().join(","))?;
     let mut row = |step: u64, flags: [bool; 2], numbers: &[&[f32]]| -> std::io::Result<()> {
@@ -133,7 +134,7 @@ pub fn export(run: &Path, to: &Path, out: &mut dyn Write) -> anyhow::Result<()> 
     if held.records.is_empty() {
         let first = agent.steps() - agent.replay_len() as u64;
         for (step, t) in (first + 1..).zip(agent.transitions()) {
-            let numbers = [&[t.reward], t.observation, t.action, t.next_observation];
+            let numbers = [&[t.reward], t.observation, t.action, t.executed, t.next_observation];
             row(step, [t.terminal, t.episode_end], &numbers)?;
             rows += 1;
         }
@@ -141,7 +142,8 @@ pub fn export(run: &Path, to: &Path, out: &mut dyn Write) -> anyhow::Result<()> 
     for record in &held.records {
         let (step, l) = Lesson::parse(record, observation, action)
             .with_context(|| format!("{JOURNAL} is that of another task"))?;
-        row(step, [l.terminal, l.episode_end], &[&[l.reward], &l.observation, &l.action, &l.next])?;
+        let numbers: [&[f32]; 5] = [&[l.reward], &l.observation, &l.action, &l.executed, &l.next];
+        row(step, [l.terminal, l.episode_end], &numbers)?;
         rows += 1;
     }
     csv.flush()?;

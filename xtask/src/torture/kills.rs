@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 
-use super::rig::{Rig, print, said, same};
+use super::rig::{Rig, is_complete, print, said, same};
 
 const STEPS: u64 = 400;
 
@@ -47,7 +47,7 @@ impl Rig {
             None => Ok(true),
             Some(0) => Ok(false),
             // Killed between its last checkpoint and its exit, and whole.
-            Some(1) if said(&output).contains("the run is complete") => Ok(false),
+            Some(1) if is_complete(&output) => Ok(false),
             Some(code) => bail!("exit code {code} after a kill: {}", said(&output)),
         }
     }

@@ -232,13 +232,14 @@ impl<R: Guarded> Pilot<R> {
             let action = self.actor.act(&self.env);
             let narrow: Vec<f32> = action.iter().map(|x| *x as f32).collect();
             let step = self.env.step(action)?;
-            let next = self.env.observation().to_vec();
             let over = step.summary.is_some();
-            let seen = std::mem::replace(&mut observation, next.clone());
+            let seen = std::mem::take(&mut observation);
+            let lesson = Lesson::new(&self.env, seen, narrow, step);
+            observation.clone_from(&lesson.next);
             if over {
                 self.empty_ledger();
             }
-            self.say(News::Step(Box::new(Lesson::new(seen, narrow, next, step))));
+            self.say(News::Step(Box::new(lesson)));
             if over {
                 return Ok(());
             }

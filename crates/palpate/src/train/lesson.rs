@@ -1,6 +1,7 @@
 //! One step of experience, as the learner takes it and as the journal keeps it.
 
-use palpate_env::{Step, Summary};
+use palpate_env::{Env, Step, Summary};
+use palpate_safety::Guarded;
 
 /// One step of experience.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,6 +10,8 @@ pub(crate) struct Lesson {
     pub(crate) observation: Vec<f32>,
     /// What it did.
     pub(crate) action: Vec<f32>,
+    /// What the fail-safe layer let be done of it.
+    pub(crate) executed: Vec<f32>,
     /// What it saw then.
     pub(crate) next: Vec<f32>,
     /// What it got.
@@ -25,21 +28,33 @@ const TERMINAL: u8 = 1;
 const EPISODE_END: u8 = 2;
 
 impl Lesson {
-    pub(crate) fn new(observation: Vec<f32>, action: Vec<f32>, next: Vec<f32>, step: Step) -> Self {
+    /// The step of `env` that `action` made.
+    pub(crate) fn new<R: Guarded>(
+        env: &Env<R>,
+        observation: Vec<f32>,
+        action: Vec<f32>,
+        step: Step,
+    ) -> Self {
+        let next = env.observation().to_vec();
+        let mut executed = action.clone();
+        env.executed(&mut executed, &step.deviation);
         let (terminal, episode_end) = (step.terminated, step.terminated || step.truncated);
         let reward = step.reward.total() as f32;
-        Self { observation, action, next, reward, terminal, episode_end, summary: step.summary }
+        let summary = step.summary;
+        Self { observation, action, executed, next, reward, terminal, episode_end, summary }
     }
 
-    /// As a record of the journal: step number u64, flags u8, reward, observation, action and next observation
-    /// as f32, all little-endian, then the summary as JSON if there is one.
+    /// As a record of the journal: step number u64, flags u8, reward, observation, action, executed action and next
+    /// observation as f32, all little-endian, then the summary as JSON if there is one.
     pub(crate) fn record(&self, number: u64) -> Vec<u8> {
-        let Self { observation, action, next, reward, terminal, episode_end, summary } = self;
+        let Self { observation, action, executed, next, reward, terminal, episode_end, summary } =
+            self;
         let mut bytes = number.to_le_bytes().to_vec();
         let flag = |set: bool, flag| if set { flag } else { 0 };
         bytes.push(flag(*terminal, TERMINAL) | flag(*episode_end, EPISODE_END));
-        let numbers =
-            [*reward].into_iter().chain(observation.iter().chain(action).chain(next).copied());
+        let numbers = [*reward]
+            .into_iter()
+            .chain(observation.iter().chain(action).chain(executed).chain(next).copied());
         bytes.extend(numbers.flat_map(f32::to_le_bytes));
         // Numbers and names only: it has a JSON form.
         bytes.extend(summary.iter().flat_map(|s| serde_json::to_vec(s).unwrap_or_default()));
@@ -50,20 +65,22 @@ impl Lesson {
     pub(crate) fn parse(bytes: &[u8], observation: usize, action: usize) -> Option<(u64, Self)> {
         let (number, bytes) = bytes.split_first_chunk::<8>()?;
         let (flags, bytes) = bytes.split_first()?;
-        let size = 4 * (1 + 2 * observation + action);
+        let size = 4 * (1 + 2 * (observation + action));
         let (numbers, summary) = bytes.split_at_checked(size)?;
         let (numbers, []) = numbers.as_chunks::<4>() else { return None };
         let numbers: Vec<f32> = numbers.iter().copied().map(f32::from_le_bytes).collect();
         let (reward, numbers) = numbers.split_first()?;
         let (seen, numbers) = numbers.split_at_checked(observation)?;
-        let (done, next) = numbers.split_at_checked(action)?;
+        let (chosen, numbers) = numbers.split_at_checked(action)?;
+        let (executed, next) = numbers.split_at_checked(action)?;
         let summary = match summary {
             [] => None,
             json => Some(serde_json::from_slice(json).ok()?),
         };
         let lesson = Self {
             observation: seen.to_vec(),
-            action: done.to_vec(),
+            action: chosen.to_vec(),
+            executed: executed.to_vec(),
             next: next.to_vec(),
             reward: *reward,
             terminal: flags & TERMINAL != 0,
@@ -98,6 +115,7 @@ mod tests {
             let lesson = Lesson {
                 observation: vec![0.1, -0.0, f32::MIN_POSITIVE],
                 action: vec![1.0, -1.0],
+                executed: vec![0.5, -1.0],
                 next: vec![1e-30, 3.0, f32::MAX],
                 reward: -1.0 / 3.0,
                 terminal: summary.is_some(),

@@ -81,6 +81,7 @@ impl Pupil {
         self.agent.observe(&Transition {
             observation: &lesson.observation,
             action: &lesson.action,
+            executed: &lesson.executed,
             reward: lesson.reward,
             next_observation: &lesson.next,
             terminal: lesson.terminal,

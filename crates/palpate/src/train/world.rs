@@ -54,9 +54,9 @@ impl<R: Guarded> World for Lockstep<R> {
             pupil.agent.act(&observation, Mode::Explore, &mut action)?;
             let wide: Vec<f64> = action.iter().copied().map(f64::from).collect();
             let step = self.env.step(&wide)?;
-            let next = self.env.observation().to_vec();
-            let seen = std::mem::replace(&mut observation, next.clone());
-            let lesson = Lesson::new(seen, action.clone(), next, step);
+            let seen = std::mem::take(&mut observation);
+            let lesson = Lesson::new(&self.env, seen, action.clone(), step);
+            observation.clone_from(&lesson.next);
             pupil.take(&lesson)?;
             if lesson.summary.is_some() {
                 pupil.progress.rebuilt += self.env.rebuilt() - rebuilt;
