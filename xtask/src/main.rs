@@ -34,6 +34,7 @@ Robot learning (builds the release binary if needed, then runs `palpate COMMAND 
   doctor --rtde ADDRESS      examine an arm, virtual or not; moves nothing
   train-real --rtde ADDRESS  train on it; --from RUN starts from a simulated run
   run-policy RUN --rtde ADDRESS  run a trained policy on it
+  rt-probe         what this computer holds at 500 Hz, and which limits follow for an arm
   ANY OTHER        is handed to palpate as it is
   COMMAND --help   explains one of them; `cargo xtask --help-palpate` lists all
 
@@ -43,6 +44,9 @@ Repository:
   tidy             layering, file size, links, assets, stray paths
   bench [ARGS…]    criterion benchmarks
   soak shield [ACTIONS [SEED]]  adversaries against the fail-safe layer, 10⁷ actions
+  soak link --minutes M   the 500 Hz loop against the virtual controller, beside a learner that never rests
+  soak packets     10⁷ damaged packets through the protocol cores of client and server
+  soak stops       10,000 protective stops: nothing unlocks or moves without a person
   torture [WHAT]   kills, damages and starves simulated trainings; all must end alike. --help says more
   examples         every tutorial program, with --quick
   stability        which contacts make the force loop oscillate: docs/results/stability.md and its pictures
@@ -82,7 +86,7 @@ fn run() -> anyhow::Result<ExitCode> {
                 .run()?;
         }
         Some("torture") => torture::command(&rest)?,
-        Some("soak") => soak::command(&rest)?,
+        Some("soak") => return soak::command(&rest),
         Some("examples") => println!("{} programs ran", examples::command()?),
         _ => {
             let all: Vec<OsString> = std::iter::once(command).chain(rest).collect();

@@ -65,12 +65,10 @@ impl Observer {
     pub(crate) fn look(&mut self, m: &Measurement, base_T_believed: &Pose, action: &[f64]) {
         let c = &self.config;
         let wrench = m.wrench.vector().component_mul(&self.wrench_scale);
-        let mut scaled =
-            pose_error_vector_part(base_T_believed, &m.base_T_tool).as_slice().to_vec();
-        scaled.extend_from_slice(m.tool_twist.vector().as_slice());
-        scaled.extend_from_slice(wrench.as_slice());
+        let (error, twist) =
+            (pose_error_vector_part(base_T_believed, &m.base_T_tool), m.tool_twist.vector());
         let factors = [c.position, c.rotation, c.linear_velocity, c.angular_velocity, 1.0, 1.0];
-        for (i, x) in scaled.iter().enumerate() {
+        for (i, x) in error.iter().chain(&twist).chain(&wrench).enumerate() {
             self.observation[i] = (x * factors[i / 3]) as f32;
         }
         for (last, a) in self.last_action.iter_mut().zip(action) {

@@ -35,6 +35,7 @@ fn main() -> anyhow::Result<()> {
     };
     config.boot_settle = 0.0;
     config.stale_ticks = 500;
+    config.frozen_ticks = 0;
     let (go, paced) = channel();
     let (ready, told) = channel();
     let controller = std::thread::spawn(move || controller(&rtde, &script, &paced, &ready));

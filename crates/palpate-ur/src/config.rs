@@ -14,7 +14,8 @@ pub struct UrConfig {
     pub ports: Ports,
     /// Samples and commands per second: 500 on an e-Series.
     pub frequency: f64,
-    /// Missing samples, unsent or unheard commands in a row that count as a lost link.
+    /// Missing samples, unsent or unheard commands in a row that count as a lost link. So do commands that the
+    /// control program takes more than twice as many cycles late.
     pub stale_ticks: u32,
     /// Cycles without a packet after which the control program brakes the arm.
     pub stall_ticks: u32,
@@ -35,6 +36,10 @@ pub struct UrConfig {
     pub watchdog: Option<f64>,
     /// About which point the controller reports forces.
     pub force_point: ForcePoint,
+    /// Samples in a row with the same force/torque reading that count as a frozen sensor; 0 does not look, for an
+    /// arm whose sensor has no noise.
+    #[serde(default = "frozen_ticks")]
+    pub frozen_ticks: u32,
     /// What hangs on the flange; `None` leaves it as set in the installation.
     pub payload: Option<Payload>,
     /// Tool centre point seen from the flange: m and a rotation vector in rad. `None` leaves it as set in
@@ -90,6 +95,11 @@ pub struct Payload {
     pub cog: [f64; 3],
 }
 
+/// 0.2 s. A sensor at rest changes by its noise in every sample.
+fn frozen_ticks() -> u32 {
+    100
+}
+
 impl UrConfig {
     /// An e-Series arm at this host.
     pub fn at(host: impl Into<String>) -> Self {
@@ -107,6 +117,7 @@ impl UrConfig {
             first_step_max: 0.02,
             watchdog: Some(1.0),
             force_point: ForcePoint::Flange,
+            frozen_ticks: frozen_ticks(),
             payload: None,
             tcp: None,
             answer_timeout: 3.0,

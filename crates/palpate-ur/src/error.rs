@@ -77,6 +77,14 @@ pub enum UrError {
         /// Samples without progress.
         ticks: u32,
     },
+    /// Commands arrive, but late.
+    #[error(
+        "the control program takes commands that are {ticks} cycles old: they queue up on the way, the controller does not read fast enough"
+    )]
+    Behind {
+        /// Commands sent since the one that was taken last.
+        ticks: u32,
+    },
     /// The network takes no more bytes.
     #[error("{ticks} commands in a row could not be sent: the controller does not read")]
     SendBlocked {
@@ -131,6 +139,14 @@ pub enum UrError {
     /// A force/torque reading that is no number.
     #[error("the force/torque reading is not finite: {0:?}")]
     WrenchReading([f64; 6]),
+    /// A force/torque reading that does not change.
+    #[error(
+        "the force/torque reading has been the same for {ticks} samples: the sensor is frozen (ur.frozen_ticks = 0 allows a sensor without noise)"
+    )]
+    WrenchFrozen {
+        /// Samples.
+        ticks: u32,
+    },
     /// A command that is no number.
     #[error("joint command is not finite: {0:?}")]
     NotFinite(JointVector),
@@ -230,6 +246,7 @@ impl BackendError for UrError {
             | Self::NotConnected
             | Self::Stalled { .. }
             | Self::NotHeard { .. }
+            | Self::Behind { .. }
             | Self::SendBlocked { .. }
             | Self::ClockBack { .. }
             | Self::Session(SessionError::Timeout { .. }) => FaultKind::Link,
@@ -249,7 +266,7 @@ impl BackendError for UrError {
             | Self::NoAnswer { .. }
             | Self::Dashboard { .. }
             | Self::DashboardState { .. } => FaultKind::RobotState,
-            Self::WrenchReading(_) => FaultKind::Sensor,
+            Self::WrenchReading(_) | Self::WrenchFrozen { .. } => FaultKind::Sensor,
             Self::NotFinite(_) | Self::Step { .. } => FaultKind::InvalidCommand,
             Self::Stopped | Self::ReadOnly => FaultKind::Stopped,
             Self::Config { .. } => FaultKind::Internal,

@@ -29,7 +29,8 @@
 //! - [`UrArm`]: the arm, its configuration [`UrConfig`], its errors [`UrError`].
 //! - [`registers`] and [`control_program`]: what the computer and the program on the controller agree on.
 //! - [`dashboard`]: power, brakes and queries.
-//! - [`realtime`]: SCHED_FIFO and locked memory, where this computer permits them.
+//! - [`realtime`] and [`background`]: SCHED_FIFO and locked memory for the arm's thread and a lower priority for the
+//!   others, where this computer permits them.
 //! - [`model_error`]: whether the model here is the arm there.
 //!
 //! # Conventions
@@ -55,6 +56,6 @@ pub use config::{ForcePoint, Payload, Ports, UrConfig};
 pub use error::UrError;
 pub use link::RtdeClient;
 pub use model::{ModelError, model_error};
-pub use realtime::{Realtime, realtime};
+pub use realtime::{Background, Realtime, background, realtime};
 pub use sample::{Report, Sample, pose};
 pub use script::{TEMPLATE, Upload, control_program};

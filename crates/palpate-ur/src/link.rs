@@ -24,6 +24,8 @@ pub struct RtdeClient {
     session: Session,
     epoch: Instant,
     texts: Vec<(Level, String)>,
+    /// When the last wait ended, or was found not to be needed.
+    woken: Instant,
 }
 
 impl RtdeClient {
@@ -38,7 +40,13 @@ impl RtdeClient {
         let stream = connect("RTDE", host, port, timeout)?;
         stream.set_nonblocking(true)?;
         let session = Session::new(setup, Duration::ZERO)?;
-        let mut client = Self { stream, session, epoch: Instant::now(), texts: Vec::new() };
+        let mut client = Self {
+            stream,
+            session,
+            epoch: Instant::now(),
+            texts: Vec::new(),
+            woken: Instant::now(),
+        };
         while !client.session.is_running() {
             client.flush()?;
             // The session's own deadline decides; this only wakes up for it.
@@ -60,6 +68,7 @@ impl RtdeClient {
         mut each: impl FnMut(Record<'_>),
     ) -> Result<usize, UrError> {
         let (mut count, mut late) = (0, 0);
+        self.woken = Instant::now();
         loop {
             while self.step(&mut |record| {
                 count += 1;
@@ -77,6 +86,7 @@ impl RtdeClient {
             if count > 0 || !self.wait(deadline)? {
                 return Ok(count);
             }
+            self.woken = Instant::now();
         }
     }
 
@@ -87,6 +97,12 @@ impl RtdeClient {
         let taken = self.session.write(recipe, values)?;
         self.flush()?;
         Ok(taken)
+    }
+
+    /// When the data of the last [`receive`](Self::receive) was there for it: what came after is this computer's own
+    /// time.
+    pub fn woken(&self) -> Instant {
+        self.woken
     }
 
     /// The controller's software.

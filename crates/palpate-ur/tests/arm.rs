@@ -126,8 +126,8 @@ fn dropping_the_arm_ends_its_program() -> Outcome {
 fn counts_add_up() -> Outcome {
     let controller = Controller::start(1.0);
     let mut arm = UrArm::connect(controller.config())?;
-    let before = (arm.stats(), arm.sample().timestamp);
     let q = arm.read()?.q;
+    let before = (arm.stats(), arm.sample().timestamp);
     for _ in 0..300 {
         arm.write(&JointCommand { q })?;
         arm.read()?;

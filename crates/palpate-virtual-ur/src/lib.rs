@@ -27,7 +27,7 @@
 //!
 //! [`script`] is the URScript interpreter, [`controller`] the modes, motion and protection, [`rtde`] the server's
 //! side of the protocol core in `palpate_ur::proto`, [`plant`] what is moved. All of these know no socket and
-//! no clock. [`Server`] puts them on TCP ports and [`run`] keeps them at 500 Hz.
+//! no clock. [`Server`] puts them on TCP ports, [`run`] and [`Handle`] keep them at 500 Hz, [`Stepped`] in a test's time.
 //!
 //! # What it is not
 //!
@@ -45,4 +45,4 @@ mod server;
 pub use controller::{Controller, ControllerConfig};
 pub use fault::{FAULT_HELP, Fault, FaultError, LinkFault, Port, TimedFault};
 pub use plant::{LaggedArm, Plant};
-pub use server::{Handle, Options, Pace, RunError, Server, run};
+pub use server::{Handle, Options, Pace, RunError, Server, Stepped, open, run};

@@ -28,6 +28,8 @@ fn connect(robot: &Handle) -> UrArm {
         stale_ticks: 200,
         stall_ticks: 100,
         boot_settle: 0.1,
+        // The sensor of an arm in free air has no noise here.
+        frozen_ticks: 0,
         ..UrConfig::at("127.0.0.1")
     };
     UrArm::connect(config).unwrap_or_else(|e| panic!("{e}: {}", log(robot)))

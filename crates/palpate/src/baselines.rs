@@ -26,6 +26,8 @@ pub enum Actor {
 pub struct Learned {
     policy: Policy,
     sample: Option<ChaCha8Rng>,
+    /// Whether to sample, where there is a stream.
+    exploring: bool,
     seed: u64,
     single: Vec<f32>,
     double: Vec<f64>,
@@ -60,6 +62,7 @@ impl Actor {
         Self::Learned(Box::new(Learned {
             policy,
             sample: stochastic_seed.map(ChaCha8Rng::seed_from_u64),
+            exploring: true,
             seed: stochastic_seed.unwrap_or(0),
             single: vec![0.0; dim],
             double: vec![0.0; dim],
@@ -71,6 +74,13 @@ impl Actor {
         match self {
             Self::Learned(learned) => Some(&mut learned.policy),
             _ => None,
+        }
+    }
+
+    /// Samples (as at first) or takes the mean; without a stream to sample from it is always the mean.
+    pub fn explore(&mut self, on: bool) {
+        if let Self::Learned(learned) = self {
+            learned.exploring = on;
         }
     }
 
@@ -101,8 +111,8 @@ impl Actor {
                 script.act(&env.believed_error().unwrap_or_default(), &wrench)
             }
             Self::Learned(learned) => {
-                let Learned { policy, sample, single, double, .. } = &mut **learned;
-                match sample {
+                let Learned { policy, sample, exploring, single, double, .. } = &mut **learned;
+                match sample.as_mut().filter(|_| *exploring) {
                     None => policy.mean(env.observation(), single),
                     Some(rng) => policy.sample(env.observation(), rng, single),
                 }

@@ -38,6 +38,9 @@ const OPEN: &[&str] = &["policy", "ur"];
 /// What an arm gets that a simulation does not have by default: the shield, where the preset states its limits.
 const ON_AN_ARM: &str = "[safety]\nmode = \"shield\"\n";
 
+/// Evaluations cost an arm's time: about 5 s an episode with the way back.
+const EVALUATED_ON_AN_ARM: [(&str, u64); 2] = [("evaluate_every", 2000), ("evaluate_episodes", 10)];
+
 /// What a UR's drives add to servoj's lookahead, s: 34 ms were measured at a lookahead of 30 ms
 /// (Universal_Robots_Client_Library, issue 86).
 pub(crate) const DRIVE_LAG: f64 = 0.004;
@@ -145,6 +148,13 @@ impl Config {
             ),
         };
         let mut layers = Vec::new();
+        if arm.is_some() {
+            let keys = EVALUATED_ON_AN_ARM.map(|(key, value)| format!("{key} = {value}\n"));
+            layers.push(Layer {
+                name: "the default on an arm".into(),
+                text: format!("[run]\n{}", keys.concat()),
+            });
+        }
         if arm.is_some() && base.text.contains("[safety.shield]") {
             layers.push(Layer { name: "the default on an arm".into(), text: ON_AN_ARM.into() });
         }
@@ -181,6 +191,9 @@ impl Config {
             } else {
                 if text.contains("[safety.shield]") {
                     set.insert(0, "safety.mode=shield".into());
+                }
+                for (key, value) in EVALUATED_ON_AN_ARM {
+                    set.insert(0, format!("run.{key}={value}"));
                 }
                 text += &arm_text(arm)?;
             }

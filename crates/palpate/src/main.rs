@@ -1,5 +1,7 @@
 //! The `palpate` command.
 
+mod commands;
+
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -40,6 +42,16 @@ enum Command {
     Doctor(Doctor),
     /// A virtual UR with the simulator's contact behind it, on a UR's own ports, until Ctrl-C.
     VirtualUr(VirtualUr),
+    /// What this computer can hold at 500 Hz: how late it wakes a thread, and which limits follow for an arm.
+    ///
+    /// An arm is commanded every 2 ms. A thread that wakes late misses cycles: after 5 of them the link counts as
+    /// lost, after 10 the arm brakes by itself. This measures wake-ups as the control thread of train-real has them,
+    /// alone and beside a busy learner, says whether SCHED_FIFO and locked memory are permitted, and which
+    /// ur.stale_ticks, ur.stall_ticks and joint speeds this computer can answer for. Moves nothing.
+    RtProbe(commands::RtProbe),
+    /// Long tests of what stands between the trainer and an arm. Needs no arm.
+    #[command(subcommand)]
+    Soak(commands::Soak),
     /// Measure a trained policy on fresh episodes, beside three baselines on the same ones.
     ///
     /// Shows the last policy and the kept one (the best of the evaluations during training), and: a = 0 (the
@@ -320,6 +332,8 @@ fn run(command: Command) -> anyhow::Result<()> {
                 faults: args.faults,
             },
         ),
+        Command::RtProbe(args) => args.run(),
+        Command::Soak(what) => what.run(),
         Command::Evaluate(args) => evaluate::command(
             &args.run,
             &evaluate::Options {

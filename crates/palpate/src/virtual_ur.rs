@@ -14,7 +14,10 @@ use crate::interrupt;
 use crate::stack::chain;
 
 /// Its priority under SCHED_FIFO, where permitted: below a client's.
-const PRIORITY: u8 = 70;
+pub(crate) const PRIORITY: u8 = 70;
+
+/// Standard deviation of the sensor's reading, N and N·m: about that of a flange sensor at rest.
+const NOISE: (f64, f64) = (0.1, 0.005);
 
 /// Where it listens and what goes wrong.
 #[derive(Clone, Debug)]
@@ -56,6 +59,9 @@ pub fn controller(choice: &Choice, setup: Setup) -> anyhow::Result<(Options, Con
     let mut choice = choice.clone();
     // servoj's lookahead is the controller's; what is left is the drives'. An explicit --set wins.
     choice.set.insert(0, format!("sim.servo.lag={DRIVE_LAG}"));
+    // A sensor without noise is a frozen one to whoever reads it.
+    choice.set.insert(1, format!("sim.sensor.force_noise={}", NOISE.0));
+    choice.set.insert(2, format!("sim.sensor.torque_noise={}", NOISE.1));
     let config = Config::load(&choice)?;
     let model = match config.robot.urdf.as_str() {
         "ur3e" => UrModel::Ur3e,

@@ -27,7 +27,7 @@ pub enum Implausible {
         /// Limit, s.
         limit: f64,
     },
-    /// The wrench has not changed by a bit.
+    /// The wrench has not changed.
     #[error("the wrench has not changed for {samples} samples: the sensor is frozen")]
     Stuck {
         /// Samples.
@@ -74,6 +74,10 @@ pub enum Implausible {
         limit: f64,
     },
 }
+
+/// Rounding of a reading that was turned into other axes and back while the arm moved, N and N·m: a frozen sensor
+/// is not the same to the last bit.
+const ROUNDING: f64 = 1e-9;
 
 /// Part of the range at which a sensor counts as saturated.
 pub(crate) const SATURATED: f64 = 0.999;
@@ -148,7 +152,7 @@ impl Watch {
                 return Err(Implausible::WrenchJump { axis, step, limit });
             }
         }
-        self.same = if now == before { self.same.saturating_add(1) } else { 0 };
+        self.same = if (now - before).amax() <= ROUNDING { self.same.saturating_add(1) } else { 0 };
         let allowed = self.config.stuck_samples;
         if allowed > 0 && self.same >= allowed {
             return Err(Implausible::Stuck { samples: self.same });

@@ -2,6 +2,7 @@
 
 use super::{LinkStats, UrArm};
 use crate::UrError;
+use crate::config::ForcePoint;
 use crate::proto::{RobotMode, RuntimeState, SafetyStatus};
 use crate::registers::{Mode, SEQUENCE_END, Status};
 use crate::sample::Sample;
@@ -39,6 +40,16 @@ fn finite(sample: &Sample) -> Result<(), UrError> {
         return Err(UrError::WrenchReading(sample.tcp_force));
     }
     Ok(())
+}
+
+/// Rounding of a wrench that was turned from axes to axes, N and N·m; far below a sensor's resolution.
+const ROUNDING: f64 = 1e-9;
+
+/// Whether two samples tell of the same reading: the same numbers as sent, in base axes, or in the sensor's own,
+/// in which a frozen sensor stands still while the arm turns.
+pub(super) fn same_wrench(a: &Sample, b: &Sample, point: ForcePoint) -> bool {
+    let apart = || a.wrench(point).vector() - b.wrench(point).vector();
+    a.tcp_force == b.tcp_force || apart().amax() <= ROUNDING
 }
 
 /// Whether the control program takes the commands.
@@ -90,6 +101,13 @@ impl UrArm {
         }
         if self.echo.silent >= self.config.stale_ticks {
             return Err(UrError::NotHeard { ticks: self.echo.silent });
+        }
+        let behind = (self.sequence - self.sample.report.sequence).rem_euclid(SEQUENCE_END) as u32;
+        if self.mode == Mode::Servo && behind > 2 * self.config.stale_ticks {
+            return Err(UrError::Behind { ticks: behind });
+        }
+        if self.config.frozen_ticks > 0 && self.frozen >= self.config.frozen_ticks {
+            return Err(UrError::WrenchFrozen { ticks: self.frozen });
         }
         Ok(())
     }

@@ -57,6 +57,8 @@ pub struct UrArm {
     wrote: bool,
     unsent: u32,
     echo: Echo,
+    /// Samples in a row with the same wrench.
+    frozen: u32,
     halted: bool,
     /// The halt is the safety system's.
     unsafe_halt: bool,
@@ -93,9 +95,10 @@ impl UrArm {
             mode: Mode::Idle,
             sequence: 0,
             q_goal: None,
-            wrote: true,
+            wrote: false,
             unsent: 0,
             echo: Echo::default(),
+            frozen: 0,
             halted: control,
             unsafe_halt: false,
             operator: Operator::default(),
@@ -113,6 +116,11 @@ impl UrArm {
     /// was, not where it is.
     pub fn age(&self) -> Duration {
         self.arrived.elapsed()
+    }
+
+    /// When the newest packet was there to be read: what a tick costs counts from here. `None` without a connection.
+    pub fn woken(&self) -> Option<Instant> {
+        self.client.as_ref().map(RtdeClient::woken)
     }
 
     /// What the link has done so far.
@@ -183,6 +191,8 @@ impl UrArm {
         }
         stats.samples += fresh;
         stats.skipped += fresh - 1;
+        let same = judge::same_wrench(&self.sample, &newest, self.config.force_point);
+        self.frozen = if same { self.frozen + 1 } else { 0 };
         self.sample = newest;
         self.arrived = Instant::now();
         if Some(newest.report.token) == self.token {

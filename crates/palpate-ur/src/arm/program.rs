@@ -109,7 +109,8 @@ impl UrArm {
             judge::able(&self.sample)?;
             if done(self) {
                 self.echo.forgive();
-                self.wrote = true;
+                // The sample of that command is read: the next read needs another.
+                self.wrote = false;
                 return Ok(());
             }
             if Instant::now() >= deadline {

@@ -144,6 +144,8 @@ impl Controller {
         config.stall_ticks = 50;
         config.answer_timeout = 2.0;
         config.boot_settle = 0.0;
+        // Its sensor has no noise.
+        config.frozen_ticks = 0;
         config
     }
 

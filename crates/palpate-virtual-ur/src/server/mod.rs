@@ -7,6 +7,7 @@ mod apply;
 mod link;
 mod queue;
 mod runner;
+mod stepped;
 
 use std::collections::BTreeMap;
 use std::io;
@@ -19,7 +20,8 @@ use crate::controller::{Controller, ticks};
 use crate::fault::{Fault, Port, TimedFault};
 use link::{Impairment, Link};
 
-pub use runner::{Handle, Options, Pace, RunError, run};
+pub use runner::{Handle, Options, Pace, RunError, open, run};
+pub use stepped::Stepped;
 
 /// The controller and its connections.
 #[derive(Debug)]

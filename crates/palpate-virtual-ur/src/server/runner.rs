@@ -71,7 +71,11 @@ pub struct Pace {
     pub worst: Duration,
 }
 
-fn open(options: Options, plant: Box<dyn Plant>) -> Result<Server, RunError> {
+/// A server that runs no cycle yet.
+///
+/// # Errors
+/// It cannot be started.
+pub fn open(options: Options, plant: Box<dyn Plant>) -> Result<Server, RunError> {
     let address = options.address;
     let controller = Controller::new(options.controller, plant)?;
     let mut server = Server::bind(controller, address, options.any_ports)

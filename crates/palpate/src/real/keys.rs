@@ -33,6 +33,12 @@ impl Keys {
         Self { pressed, seen: 0, attended }
     }
 
+    /// A person in a test: every count is a press.
+    #[cfg(test)]
+    pub(super) fn pressed_by(pressed: &Arc<AtomicUsize>) -> Self {
+        Self { pressed: Arc::clone(pressed), seen: 0, attended: true }
+    }
+
     /// Whether Enter was pressed since the last call.
     pub(super) fn take(&mut self) -> bool {
         let now = self.pressed.load(Ordering::Relaxed);

@@ -4,9 +4,15 @@
 
 pub mod brake;
 pub mod doctor;
+mod exchange;
 mod journal;
 mod keys;
+#[cfg(test)]
+mod pause_tests;
+mod pilot;
 mod policy;
+mod probe;
+pub mod soak;
 mod thread;
 mod train;
 mod world;
@@ -18,16 +24,19 @@ use std::sync::mpsc::{Receiver, channel};
 use anyhow::{Context as _, bail};
 use palpate_env::Env;
 use palpate_safety::{Mode, Safe};
-use palpate_ur::{LinkStats, Operator, UrArm, UrConfig};
+use palpate_ur::{LinkStats, Operator, Realtime, UrArm, UrConfig};
 
 pub use policy::{PolicyRun, run_policy};
+pub use probe::{Probe, probe};
 pub use train::{TrainReal, train_real};
 
 use crate::baselines::Actor;
 use crate::stack::{self, Purpose};
 use crate::{Config, interrupt};
 use brake::Brake;
-use thread::{Control, Exchange, Fault, News};
+use exchange::Exchange;
+use pilot::Pilot;
+use thread::{Control, Fault, News};
 
 /// Priority of the control thread under SCHED_FIFO, where permitted: above everything but the kernel's own.
 const PRIORITY: u8 = 80;
@@ -73,7 +82,7 @@ struct Arm {
     control: Control,
     operator: Operator,
     /// What the operating system granted the control thread.
-    realtime: String,
+    realtime: Realtime,
     farewell: Receiver<LinkStats>,
 }
 
@@ -84,15 +93,18 @@ fn connect(config: &Config, actor: Actor, exchange: Exchange) -> anyhow::Result<
     let steps = config.env.max_steps;
     let config = config.clone();
     let build = move || -> anyhow::Result<ArmEnv> {
-        let realtime = palpate_ur::realtime(PRIORITY, false);
+        let realtime = palpate_ur::realtime(PRIORITY, true);
         let arm = UrArm::connect(settings(&config)?.clone())?;
-        _ = card.send((arm.operator(), realtime.to_string()));
+        _ = card.send((arm.operator(), realtime));
         let arm = Brake::new(arm, interrupt::flag());
         let chain = stack::chain(&config.robot)?;
         stack::env(&config, chain, arm, config.run.seed, Purpose::Train)
     };
-    let stats = move |env: &ArmEnv| _ = bye.send(env.robot().backend().arm().stats());
-    let control = Control::start(build, actor, exchange, steps, stats)?;
+    let fly = move |pilot: &mut Pilot<_>| {
+        pilot.serve();
+        _ = bye.send(pilot.env().robot().backend().arm().stats());
+    };
+    let control = Control::start(build, actor, exchange, steps, fly)?;
     match control.news.recv() {
         Ok(News::Ready) => {}
         Ok(News::Fault(fault)) => bail!("{}", fault.text),

@@ -10,7 +10,8 @@ use palpate_env::Summary;
 use palpate_runs::CheckpointStore;
 use palpate_sac::Policy;
 
-use super::thread::{Exchange, News, Order};
+use super::exchange::Exchange;
+use super::thread::{Control, News, Order};
 use super::{Address, connect, ended, permitted};
 use crate::baselines::Actor;
 use crate::stack::{Purpose, sim_env};
@@ -58,7 +59,7 @@ pub fn run_policy(what: &PolicyRun) -> anyhow::Result<()> {
     let mut result = Ok(());
     for episode in 0..what.episodes {
         arm.control.orders.send(Order::Episode(episode))?;
-        match outcome(&arm.control.news) {
+        match outcome(&arm.control) {
             Ok(Some(summary)) => {
                 show(&summary)?;
                 summaries.push(summary);
@@ -83,19 +84,21 @@ pub fn run_policy(what: &PolicyRun) -> anyhow::Result<()> {
 }
 
 /// How the episode under way ends; `None` after an interrupt.
-fn outcome(news: &std::sync::mpsc::Receiver<News>) -> anyhow::Result<Option<Summary>> {
+fn outcome(control: &Control) -> anyhow::Result<Option<Summary>> {
     loop {
-        match news.recv_timeout(Duration::from_millis(50)) {
+        match control.news.recv_timeout(Duration::from_millis(50)) {
             Ok(News::Step(x)) => {
-                if let Some(summary) = x.summary {
-                    return Ok(Some(summary));
+                let summary = x.summary.clone();
+                control.give_back(x);
+                if summary.is_some() {
+                    return Ok(summary);
                 }
             }
             Ok(News::Fault(_)) | Err(RecvTimeoutError::Timeout) if interrupt::requested() => {
                 return Ok(None);
             }
             Ok(News::Fault(fault)) => return Err(ended(&fault)),
-            Ok(News::Ready) | Err(RecvTimeoutError::Timeout) => {}
+            Ok(News::Ready | News::Measured(_)) | Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => bail!("the control thread has ended"),
         }
     }

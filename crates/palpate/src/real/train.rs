@@ -6,7 +6,7 @@ use anyhow::{Context as _, bail};
 use palpate_runs::{CheckpointStore, LAST, RunDir};
 use palpate_sac::Sac;
 
-use super::thread::Exchange;
+use super::exchange::Exchange;
 use super::world::RealTime;
 use super::{Address, connect, journal, permitted};
 use crate::baselines::Actor;
@@ -57,6 +57,8 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
     let seed = stream(config.run.seed, Purpose::Explore);
     let actor = Actor::learned(agent.policy(), Some(seed));
     let mut arm = connect(&config, actor, exchange.clone())?;
+    // From here on: the control thread has started with the priority that this one had.
+    let background = palpate_ur::background(&arm.realtime);
     // Not before there is an arm, or a folder without a run would stay.
     let dir = match dir {
         Some(dir) => dir,
@@ -71,8 +73,8 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
     let journal = journal::catch_up(&path, &mut pupil)?;
     exchange.offer(pupil.agent.policy());
     arm.control.journal(journal, pupil.progress.step, steps)?;
-    pupil.console.note(&format!("control thread: {}", arm.realtime));
-    run(RealTime::new(arm, exchange), pupil)
+    pupil.console.note(&format!("control thread: {}; learner: {background}", arm.realtime));
+    run(RealTime::new(arm, exchange, background), pupil)
 }
 
 /// The learner, how far it is, and its run directory if there is one already.

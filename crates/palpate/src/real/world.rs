@@ -4,15 +4,18 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use anyhow::bail;
+use palpate_safety::Entry;
+use palpate_ur::Background;
 
+use super::exchange::Exchange;
 use super::keys::Keys;
-use super::thread::{Exchange, Fault, News, Order};
+use super::thread::{Fault, News, Order};
 use super::{Arm, ended};
 use crate::interrupt;
 use crate::progress::Evaluation;
 use crate::train::pupil::Pupil;
+use crate::train::trials::Trials;
 use crate::train::world::World;
-use palpate_safety::Entry;
 
 /// How often a wait looks at Enter and Ctrl-C.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -24,11 +27,19 @@ pub(super) struct RealTime {
     keys: Keys,
     /// Stops that a person has cleared.
     faults: u64,
+    /// Priority of the learner.
+    background: Background,
 }
 
 impl RealTime {
-    pub(super) fn new(arm: Arm, exchange: Exchange) -> Self {
-        Self { arm, exchange, keys: Keys::listen(), faults: 0 }
+    pub(super) fn new(arm: Arm, exchange: Exchange, background: Background) -> Self {
+        Self { arm, exchange, keys: Keys::listen(), faults: 0, background }
+    }
+
+    /// With the keys of a test.
+    #[cfg(test)]
+    pub(super) fn attended(arm: Arm, exchange: Exchange, keys: Keys) -> Self {
+        Self { arm, exchange, keys, faults: 0, background: Background::Nice }
     }
 
     /// The next news; `None` after an interrupt.
@@ -41,6 +52,43 @@ impl RealTime {
                 Err(RecvTimeoutError::Disconnected) => bail!("the control thread has ended"),
             }
         }
+    }
+
+    /// One episode of an evaluation; whether it came to its end.
+    fn measure(
+        &mut self,
+        pupil: &mut Pupil,
+        episode: u64,
+        trials: &mut Trials,
+    ) -> anyhow::Result<bool> {
+        self.arm.control.orders.send(Order::Evaluate(episode))?;
+        let mut begun = false;
+        loop {
+            match self.news()? {
+                Some(News::Measured(x)) => {
+                    if !std::mem::replace(&mut begun, true) {
+                        trials.begin(f64::from(pupil.agent.q_start(&x.observation)?));
+                    }
+                    trials.step(f64::from(x.reward), x.summary.as_ref());
+                    let over = x.summary.is_some();
+                    self.arm.control.give_back(x);
+                    if over {
+                        return Ok(true);
+                    }
+                }
+                Some(News::Fault(fault)) => return self.stopped(pupil, &fault).map(|()| false),
+                Some(News::Ready | News::Step(_)) => {}
+                None => return Ok(false),
+            }
+        }
+    }
+
+    /// Between two episodes a person may have pressed Enter.
+    fn perhaps_pause(&mut self, pupil: &mut Pupil) -> anyhow::Result<()> {
+        if self.keys.take() {
+            self.pause(pupil, "paused: the arm holds its place. Enter goes on")?;
+        }
+        Ok(())
     }
 
     /// Waits for Enter; the arm holds its place meanwhile. An interrupt ends the wait too.
@@ -96,9 +144,7 @@ impl World for RealTime {
     /// Learns while the arm moves; the episode ends when the last of its steps has been learned from, and
     /// only then is the next one ordered.
     fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()> {
-        if self.keys.take() {
-            self.pause(pupil, "paused: the arm holds its place. Enter goes on")?;
-        }
+        self.perhaps_pause(pupil)?;
         // An interrupt stops the arm without an order; one more changes nothing.
         self.arm.control.orders.send(Order::Episode(pupil.progress.episodes))?;
         loop {
@@ -106,12 +152,14 @@ impl World for RealTime {
                 Some(News::Step(x)) => {
                     pupil.take(&x)?;
                     self.exchange.offer(pupil.agent.policy());
-                    if x.summary.is_some() {
+                    let over = x.summary.is_some();
+                    self.arm.control.give_back(x);
+                    if over {
                         return Ok(());
                     }
                 }
                 Some(News::Fault(fault)) => return self.stopped(pupil, &fault),
-                Some(News::Ready) => {}
+                Some(News::Ready | News::Measured(_)) => {}
                 None => {
                     pupil.agent.end_episode();
                     return Ok(());
@@ -124,17 +172,27 @@ impl World for RealTime {
         self.arm.control.verdicts.try_iter().collect()
     }
 
-    /// Not during training: it would cost the arm's time. `run-policy` measures afterwards.
-    fn evaluate(&mut self, _: &Pupil) -> anyhow::Result<Option<Evaluation>> {
-        Ok(None)
+    /// Episodes of the policy as it is now, on the arm; given up after a stop or an interrupt.
+    fn evaluate(&mut self, pupil: &mut Pupil) -> anyhow::Result<Option<Evaluation>> {
+        self.exchange.offer(pupil.agent.policy());
+        let mut trials = Trials::new(&pupil.config.sac);
+        for episode in 0..pupil.config.run.evaluate_episodes {
+            self.perhaps_pause(pupil)?;
+            if !self.measure(pupil, episode, &mut trials)? {
+                return Ok(None);
+            }
+        }
+        Ok(Some(trials.result(pupil.progress.step)))
     }
 
     fn end(self) -> Option<serde_json::Value> {
         let (faults, realtime) = (self.faults, self.arm.realtime.clone());
+        let background = self.background;
         let stats = self.arm.release()?;
         Some(serde_json::json!({
             "stops_cleared_by_a_person": faults,
-            "scheduling": realtime,
+            "scheduling": realtime.to_string(),
+            "learner": background.to_string(),
             "ticks": stats,
             "commands_taken": stats.success_rate(),
         }))

@@ -4,7 +4,7 @@ use palpate_env::{Env, Step, Summary};
 use palpate_safety::Guarded;
 
 /// One step of experience.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Lesson {
     /// What the policy saw.
     pub(crate) observation: Vec<f32>,
@@ -28,20 +28,41 @@ const TERMINAL: u8 = 1;
 const EPISODE_END: u8 = 2;
 
 impl Lesson {
-    /// The step of `env` that `action` made.
-    pub(crate) fn new<R: Guarded>(
+    /// One with room for observations and actions of these lengths.
+    pub(crate) fn blank(observation: usize, action: usize) -> Self {
+        let (seen, done) = (|| Vec::with_capacity(observation), || Vec::with_capacity(action));
+        Self {
+            observation: seen(),
+            action: done(),
+            executed: done(),
+            next: seen(),
+            ..Self::default()
+        }
+    }
+
+    /// Writes the step of `env` that `action` made on `observation` over what was here; takes no memory if there
+    /// is room.
+    pub(crate) fn write<R: Guarded>(
+        &mut self,
         env: &Env<R>,
-        observation: Vec<f32>,
-        action: Vec<f32>,
+        observation: &[f32],
+        action: &[f32],
         step: Step,
-    ) -> Self {
-        let next = env.observation().to_vec();
-        let mut executed = action.clone();
-        env.executed(&mut executed, &step.deviation);
-        let (terminal, episode_end) = (step.terminated, step.terminated || step.truncated);
-        let reward = step.reward.total() as f32;
-        let summary = step.summary;
-        Self { observation, action, executed, next, reward, terminal, episode_end, summary }
+    ) {
+        for (to, from) in [
+            (&mut self.observation, observation),
+            (&mut self.action, action),
+            (&mut self.executed, action),
+            (&mut self.next, env.observation()),
+        ] {
+            to.clear();
+            to.extend_from_slice(from);
+        }
+        env.executed(&mut self.executed, &step.deviation);
+        self.reward = step.reward.total() as f32;
+        self.terminal = step.terminated;
+        self.episode_end = step.terminated || step.truncated;
+        self.summary = step.summary;
     }
 
     /// As a record of the journal: step number u64, flags u8, reward, observation, action, executed action and next

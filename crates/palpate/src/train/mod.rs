@@ -12,6 +12,7 @@ pub(crate) mod lesson;
 mod past;
 pub(crate) mod pupil;
 mod tables;
+pub(crate) mod trials;
 pub(crate) mod world;
 
 use std::path::Path;
@@ -113,7 +114,7 @@ pub(crate) fn run(mut world: impl World, mut pupil: Pupil) -> anyhow::Result<()>
         let done = step >= run.steps || interrupt::requested();
         let (evaluate_every, checkpoint_every) = (run.evaluate_every, run.checkpoint_every);
         if every(before, evaluate_every) != every(step, evaluate_every)
-            && let Some(evaluation) = world.evaluate(&pupil)?
+            && let Some(evaluation) = world.evaluate(&mut pupil)?
         {
             pupil.evaluated(evaluation)?;
         }

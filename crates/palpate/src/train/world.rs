@@ -1,13 +1,13 @@
 //! Where experience comes from.
 
-use palpate_env::{Env, Summary};
+use palpate_env::Env;
 use palpate_sac::Mode;
 use palpate_safety::{Entry, Guarded};
 
 use super::lesson::Lesson;
 use super::pupil::Pupil;
+use super::trials::Trials;
 use crate::baselines::Actor;
-use crate::evaluate;
 use crate::progress::Evaluation;
 
 /// Something that makes episodes and gives every step of them to the pupil.
@@ -18,8 +18,8 @@ pub(crate) trait World {
     /// The fail-safe layer's verdicts in the last episode; times count from its first tick.
     fn verdicts(&mut self) -> Vec<Entry>;
 
-    /// How good the policy is now; `None` where that is not measured during training.
-    fn evaluate(&mut self, pupil: &Pupil) -> anyhow::Result<Option<Evaluation>>;
+    /// How good the policy is now, on the same starts every time; `None` if it could not be measured to the end.
+    fn evaluate(&mut self, pupil: &mut Pupil) -> anyhow::Result<Option<Evaluation>>;
 
     /// Lets go of the arm. What summary.json says about the link, if there is one.
     fn end(self) -> Option<serde_json::Value>;
@@ -50,12 +50,12 @@ impl<R: Guarded> World for Lockstep<R> {
         self.env.ledger_mut().clear_entries();
         let mut observation = self.env.observation().to_vec();
         let mut action = vec![0.0f32; self.env.action_dim()];
+        let mut lesson = Lesson::blank(observation.len(), action.len());
         loop {
             pupil.agent.act(&observation, Mode::Explore, &mut action)?;
             let wide: Vec<f64> = action.iter().copied().map(f64::from).collect();
             let step = self.env.step(&wide)?;
-            let seen = std::mem::take(&mut observation);
-            let lesson = Lesson::new(&self.env, seen, action.clone(), step);
+            lesson.write(&self.env, &observation, &action, step);
             observation.clone_from(&lesson.next);
             pupil.take(&lesson)?;
             if lesson.summary.is_some() {
@@ -74,39 +74,25 @@ impl<R: Guarded> World for Lockstep<R> {
     }
 
     /// Deterministic episodes on the same starts every time.
-    fn evaluate(&mut self, pupil: &Pupil) -> anyhow::Result<Option<Evaluation>> {
+    fn evaluate(&mut self, pupil: &mut Pupil) -> anyhow::Result<Option<Evaluation>> {
         let (config, agent) = (&pupil.config, &pupil.agent);
-        let gamma = config.sac.gamma;
-        let scale = config.sac.reward_scale;
+        let mut trials = Trials::new(&config.sac);
         let mut actor = Actor::learned(agent.policy(), None);
-        let (mut summaries, mut gap) = (Vec::<Summary>::new(), 0.0);
         for episode in 0..config.run.evaluate_episodes {
             self.monitor.set_next_episode(episode);
             self.monitor.reset()?;
             actor.reset(episode);
-            let q = f64::from(agent.q_start(self.monitor.observation())?);
-            let (mut discounted, mut weight) = (0.0, scale);
-            let summary = loop {
+            trials.begin(f64::from(agent.q_start(self.monitor.observation())?));
+            loop {
                 let action = actor.act(&self.monitor).to_vec();
                 let step = self.monitor.step(&action)?;
-                discounted += weight * step.reward.total();
-                weight *= gamma;
-                if let Some(summary) = step.summary {
-                    break summary;
+                trials.step(step.reward.total(), step.summary.as_ref());
+                if step.summary.is_some() {
+                    break;
                 }
-            };
-            gap += q - discounted;
-            summaries.push(summary);
+            }
         }
-        let row = evaluate::Row::new("monitor", &summaries);
-        Ok(Some(Evaluation {
-            step: pupil.progress.step,
-            success_rate: row.success_rate,
-            mean_return: row.mean_return,
-            mean_steps: row.mean_steps,
-            peak_force: row.median_peak_force,
-            q_minus_return: gap / summaries.len().max(1) as f64,
-        }))
+        Ok(Some(trials.result(pupil.progress.step)))
     }
 
     fn end(self) -> Option<serde_json::Value> {

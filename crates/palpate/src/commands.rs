@@ -1,0 +1,79 @@
+//! The commands that look at this computer and at the software, rather than at a policy.
+
+use clap::{Args, Subcommand};
+use palpate::config::Choice;
+use palpate::real::{Probe, probe, soak};
+
+/// `rt-probe`.
+#[derive(Debug, Args)]
+pub(crate) struct RtProbe {
+    /// How long to measure, half of it beside a learner on every processor. Minutes say more than seconds.
+    #[arg(long, default_value_t = 20.0)]
+    seconds: f64,
+}
+
+impl RtProbe {
+    pub(crate) fn run(&self) -> anyhow::Result<()> {
+        probe(&Probe { seconds: self.seconds })
+    }
+}
+
+/// `soak`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Soak {
+    /// The 500 Hz loop against a virtual controller, beside a learner that never rests.
+    ///
+    /// Prints what a tick costs, what the control thread took from the heap, and for every cycle of the controller
+    /// that the loop did not see where it went. Fails beyond 60 µs (median) or 500 µs (99.99 %) per tick, on any
+    /// allocation, or if a cycle is left over. The limits of the link are wide here (200 ms), because the virtual
+    /// controller shares this computer; --set ur.stale_ticks=5 gives an arm's.
+    Link {
+        /// For how long; 60 is an hour.
+        #[arg(long, default_value_t = 10.0)]
+        minutes: f64,
+        /// Override one key. May be repeated.
+        #[arg(long, value_name = "KEY=VALUE")]
+        set: Vec<String>,
+    },
+    /// Damaged packets at full speed through the protocol cores of the client and of the virtual controller.
+    ///
+    /// Each packet gives an event, a wait or a typed error; a panic, a queue that grows or a packet that takes long
+    /// ends the soak.
+    Packets {
+        /// To each side.
+        #[arg(long, default_value_t = 10_000_000)]
+        count: u64,
+        /// Of the damage.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
+    /// Protective stops of an arm on the move: none may be unlocked but by a person, and nothing may move before.
+    Stops {
+        /// How many.
+        #[arg(long, default_value_t = 10_000)]
+        count: u64,
+    },
+}
+
+impl Soak {
+    pub(crate) fn run(self) -> anyhow::Result<()> {
+        match self {
+            Self::Link { minutes, set } => {
+                let mut wide =
+                    ["ur.stale_ticks=100", "ur.stall_ticks=100"].map(String::from).to_vec();
+                wide.extend(set);
+                let (preset, task, model) =
+                    ("palpate".into(), "peg-insertion".into(), "P-14".into());
+                let choice = Choice { preset, task, model, file: None, set: wide };
+                soak::link(&soak::Link { minutes, choice }, allocations)
+            }
+            Self::Packets { count, seed } => soak::packets(&soak::Packets { count, seed }),
+            Self::Stops { count } => soak::stops(count),
+        }
+    }
+}
+
+/// Counts what a closure takes from the heap on this thread.
+fn allocations(job: &mut dyn FnMut()) -> u64 {
+    allocation_counter::measure(job).count_total
+}
