@@ -164,8 +164,9 @@ fn a_killed_run_has_every_step_but_the_one_in_flight() -> Outcome {
     // 20 steps a second: they are on disk while they happen, not when the learner gets to them.
     assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
     let kept = journaled(&out);
-    child.kill()?;
+    let killed = child.kill();
     child.wait()?;
+    killed?;
     let after = journaled(&out);
     assert!((kept..=kept + 2).contains(&after), "{kept} {after}");
     stays_at_rest(&robot);

@@ -14,21 +14,21 @@ const SILENCE: Duration = Duration::from_millis(10);
 
 #[test]
 fn drop_is_a_closed_connection_in_the_next_tick() {
-    let after = Rig::start().aftermath(link(LinkFault::Drop));
+    let after = Rig::start().aftermath(&link(LinkFault::Drop));
     assert!(matches!(after.error, UrError::Closed), "{}", after.error);
     assert!(after.ticks <= 2 && after.angle < 1.3, "{} ticks, {}°", after.ticks, after.angle);
 }
 
 #[test]
 fn reset_is_a_broken_connection_in_the_next_tick() {
-    let after = Rig::start().aftermath(link(LinkFault::Reset));
+    let after = Rig::start().aftermath(&link(LinkFault::Reset));
     assert!(matches!(after.error, UrError::Io(_)), "{}", after.error);
     assert!(after.ticks <= 2 && after.angle < 1.3, "{} ticks, {}°", after.ticks, after.angle);
 }
 
 #[test]
 fn half_open_is_noticed_after_five_ticks_and_the_program_brakes_by_itself() {
-    let after = Rig::start().aftermath(link(LinkFault::HalfOpen(5.0)));
+    let after = Rig::start().aftermath(&link(LinkFault::HalfOpen(5.0)));
     assert!(matches!(after.error, UrError::Stalled { waited: SILENCE }), "{}", after.error);
     assert!(after.ticks <= 2 && after.angle < 1.3, "{} ticks, {}°", after.ticks, after.angle);
     assert_eq!(after.safety, SafetyStatus::Normal);
@@ -37,7 +37,7 @@ fn half_open_is_noticed_after_five_ticks_and_the_program_brakes_by_itself() {
 /// Nothing reaches this computer; the brake that it asks for reaches the arm.
 #[test]
 fn one_way_loss_towards_us_is_noticed_after_five_ticks() {
-    let after = Rig::start().aftermath(link(LinkFault::Mute(5.0)));
+    let after = Rig::start().aftermath(&link(LinkFault::Mute(5.0)));
     assert!(matches!(after.error, UrError::Stalled { waited: SILENCE }), "{}", after.error);
     assert!(after.ticks <= 2 && after.angle < 1.3, "{} ticks, {}°", after.ticks, after.angle);
 }
@@ -45,14 +45,14 @@ fn one_way_loss_towards_us_is_noticed_after_five_ticks() {
 /// Nothing reaches the controller; its echo stands still.
 #[test]
 fn one_way_loss_towards_the_arm_is_noticed_after_five_ticks() {
-    let after = Rig::start().aftermath(link(LinkFault::Deaf(5.0)));
+    let after = Rig::start().aftermath(&link(LinkFault::Deaf(5.0)));
     assert!(matches!(after.error, UrError::NotHeard { ticks: 5 }), "{}", after.error);
     assert!(after.ticks <= 6 && after.angle < 1.3, "{} ticks, {}°", after.ticks, after.angle);
 }
 
 #[test]
 fn stall_is_silence() {
-    let after = Rig::start().aftermath(Fault::Stall(0.5));
+    let after = Rig::start().aftermath(&Fault::Stall(0.5));
     assert!(matches!(after.error, UrError::Stalled { waited: SILENCE }), "{}", after.error);
     assert!(after.ticks <= 2 && after.angle < 1.3, "{} ticks, {}°", after.ticks, after.angle);
 }
@@ -60,7 +60,7 @@ fn stall_is_silence() {
 /// A command is 72 bytes: 50 a cycle let them queue up.
 #[test]
 fn slow_reader_is_behind() {
-    let after = Rig::start().aftermath(link(LinkFault::SlowReader(50, 5.0)));
+    let after = Rig::start().aftermath(&link(LinkFault::SlowReader(50, 5.0)));
     assert!(matches!(after.error, UrError::Behind { ticks: 11 }), "{}", after.error);
     assert!(after.error.to_string().contains("11 cycles old"));
     assert_eq!(after.error.kind(), FaultKind::Link);
@@ -74,7 +74,7 @@ fn garbage_is_a_protocol_error() {
         LinkFault::Header(60, b'X'),
         LinkFault::Garbage(500),
     ] {
-        let after = Rig::start().aftermath(link(fault));
+        let after = Rig::start().aftermath(&link(fault));
         let error = &after.error;
         // Random bytes may announce more than ever comes: then it is silence.
         let silent = matches!(fault, LinkFault::Garbage(_)) && error.kind() == FaultKind::Link;

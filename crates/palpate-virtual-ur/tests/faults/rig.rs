@@ -112,7 +112,7 @@ impl Rig {
 
     /// Lets something go wrong with an arm on the move and goes on until there is an error; then waits. Commands are
     /// refused from the error on, the set-points do not jump, and what rests stays at rest.
-    pub(crate) fn aftermath(&self, fault: Fault) -> Aftermath {
+    pub(crate) fn aftermath(&self, fault: &Fault) -> Aftermath {
         let (mut arm, mut q) = self.moving(self.config());
         let joint = || self.robot.with(|server| server.controller().actual().q[5]);
         let before = joint();
@@ -130,7 +130,7 @@ impl Rig {
         for _ in 0..AFTER {
             self.robot.tick();
         }
-        self.assert_continuous(&fault);
+        self.assert_continuous(fault);
         let targets = self.targets.lock().unwrap();
         let rest = &targets[targets.len() - 100..];
         assert!(rest.iter().all(|q| *q == rest[0]), "{fault:?}: it moves: {}", self.log());
@@ -142,7 +142,7 @@ impl Rig {
     pub(crate) fn assert_continuous(&self, fault: &Fault) {
         let targets = self.targets.lock().unwrap();
         let steps: Vec<_> = targets.windows(2).map(|w| (w[1] - w[0]) / DT).collect();
-        let speed = steps.iter().map(|s| s.amax()).fold(0.0, f64::max);
+        let speed = steps.iter().map(JointVector::amax).fold(0.0, f64::max);
         let jump = steps.windows(2).map(|s| (s[1] - s[0]).amax() / DT).fold(0.0, f64::max);
         assert!(speed < 1.5 * SPEED && speed > 0.9 * SPEED, "{fault:?}: {speed} rad/s");
         assert!(jump < JUMP, "{fault:?}: {jump} rad/s²");

@@ -8,7 +8,7 @@ use palpate_virtual_ur::Fault;
 use crate::rig::{Aftermath, Rig};
 
 /// The safety system's stops are named in the tick after, and last.
-fn stops_with(fault: Fault, status: SafetyStatus) {
+fn stops_with(fault: &Fault, status: SafetyStatus) {
     let Aftermath { error, ticks, safety, .. } = Rig::start().aftermath(fault);
     assert!(matches!(error, UrError::Safety(s) if s == status), "{error}");
     assert_eq!((error.kind(), safety), (FaultKind::RobotState, status));
@@ -17,22 +17,22 @@ fn stops_with(fault: Fault, status: SafetyStatus) {
 
 #[test]
 fn a_protective_stop_is_named_and_lasts() {
-    stops_with(Fault::ProtectiveStop, SafetyStatus::ProtectiveStop);
+    stops_with(&Fault::ProtectiveStop, SafetyStatus::ProtectiveStop);
 }
 
 #[test]
 fn an_emergency_stop_is_named_and_lasts() {
-    stops_with(Fault::EmergencyStop(true), SafetyStatus::RobotEmergencyStop);
+    stops_with(&Fault::EmergencyStop(true), SafetyStatus::RobotEmergencyStop);
 }
 
 #[test]
 fn a_safeguard_stop_is_named_and_lasts() {
-    stops_with(Fault::SafeguardStop(true), SafetyStatus::SafeguardStop);
+    stops_with(&Fault::SafeguardStop(true), SafetyStatus::SafeguardStop);
 }
 
 #[test]
 fn a_safety_fault_is_named_and_lasts() {
-    let Aftermath { error, safety, .. } = Rig::start().aftermath(Fault::SafetyFault);
+    let Aftermath { error, safety, .. } = Rig::start().aftermath(&Fault::SafetyFault);
     assert!(matches!(error, UrError::Safety(s) if s == safety), "{error}, {safety}");
     assert_ne!(safety, SafetyStatus::Normal);
 }
@@ -58,32 +58,32 @@ fn after_a_stop_recover_needs_a_person() {
 
 #[test]
 fn a_moved_slider_is_named() {
-    let Aftermath { error, ticks, safety, .. } = Rig::start().aftermath(Fault::Slider(0.5));
+    let Aftermath { error, ticks, safety, .. } = Rig::start().aftermath(&Fault::Slider(0.5));
     assert!(error.to_string().contains("at 50 %"), "{error}");
     assert!(ticks <= 2 && safety == SafetyStatus::Normal, "{ticks} ticks, {safety}");
 }
 
 #[test]
 fn a_killed_program_is_named() {
-    let Aftermath { error, ticks, .. } = Rig::start().aftermath(Fault::KillProgram);
+    let Aftermath { error, ticks, .. } = Rig::start().aftermath(&Fault::KillProgram);
     assert!(matches!(error, UrError::Program(_)) && ticks <= 2, "{error} after {ticks} ticks");
     assert!(error.to_string().contains("recover loads it again"), "{error}");
 }
 
 #[test]
 fn a_paused_program_is_named() {
-    let Aftermath { error, ticks, .. } = Rig::start().aftermath(Fault::PauseProgram);
+    let Aftermath { error, ticks, .. } = Rig::start().aftermath(&Fault::PauseProgram);
     assert!(matches!(error, UrError::Program(_)) && ticks <= 2, "{error} after {ticks} ticks");
 }
 
 #[test]
 fn a_reboot_is_a_closed_connection() {
-    let Aftermath { error, .. } = Rig::start().aftermath(Fault::Reboot);
+    let Aftermath { error, .. } = Rig::start().aftermath(&Fault::Reboot);
     assert_eq!(error.kind(), FaultKind::Link, "{error}");
 }
 
 #[test]
 fn a_clock_that_goes_back_is_a_restart() {
-    let Aftermath { error, ticks, .. } = Rig::start().aftermath(Fault::Timestamp(-0.1));
+    let Aftermath { error, ticks, .. } = Rig::start().aftermath(&Fault::Timestamp(-0.1));
     assert!(matches!(error, UrError::ClockBack { .. }) && ticks <= 2, "{error}, {ticks} ticks");
 }

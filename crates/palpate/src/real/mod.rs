@@ -100,7 +100,7 @@ fn connect(config: &Config, actor: Actor, exchange: Exchange) -> anyhow::Result<
         let chain = stack::chain(&config.robot)?;
         stack::env(&config, chain, arm, config.run.seed, Purpose::Train)
     };
-    let fly = move |pilot: &mut Pilot<_>| {
+    let fly = move |pilot: &mut Pilot<Safe<Brake<UrArm>>>| {
         pilot.serve();
         _ = bye.send(pilot.env().robot().backend().arm().stats());
     };

@@ -32,7 +32,8 @@ pub(super) struct Pilot<R: Guarded> {
     actor: Actor,
     exchange: Exchange,
     ends: Ends,
-    /// Lessons to write into.
+    /// Lessons to write into, in the boxes in which they travel.
+    #[expect(clippy::vec_box, reason = "a box more or less would be an allocation")]
     spare: Vec<Box<Lesson>>,
     observation: Vec<f32>,
     action: Vec<f32>,

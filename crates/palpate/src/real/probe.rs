@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use palpate_ur::{Background, Realtime, UrConfig};
 
 use super::PRIORITY;
@@ -99,12 +99,14 @@ fn watch(time: Duration) -> anyhow::Result<(Realtime, Vec<Duration>)> {
             let now = Instant::now();
             late.push(now.saturating_duration_since(next));
             // Whoever slept through several periods missed them once, not again and again.
-            next = next.max(now - PERIOD);
+            while next + PERIOD < now {
+                next += PERIOD;
+            }
         }
         late.sort_unstable();
         (realtime, late)
     });
-    thread.join().map_err(|_| anyhow::anyhow!("the measurement panicked"))
+    thread.join().or_else(|_| bail!("the measurement panicked"))
 }
 
 fn row(name: &str, late: &[Duration]) -> String {
@@ -131,7 +133,7 @@ fn advice(worst: Duration) -> String {
     let periods = MARGIN * worst.as_secs_f64() / PERIOD.as_secs_f64();
     let stale = (periods.ceil() as u32 + 1).max(defaults.stale_ticks);
     let stall = (2 * stale).max(defaults.stall_ticks);
-    let ms = |ticks: u32| ticks as f64 * PERIOD.as_secs_f64() * 1e3;
+    let ms = |ticks: u32| f64::from(ticks) * PERIOD.as_secs_f64() * 1e3;
     let speed = speed_limit(stall, defaults.brake);
     if stale > HOPELESS {
         return format!(

@@ -23,6 +23,9 @@ pub struct Packets {
     pub seed: u64,
 }
 
+/// Packets of one side, in order.
+type Said = Vec<Vec<u8>>;
+
 /// Longest answer to one packet and longest queue towards the network, bytes.
 const BOUND: usize = 70_000;
 /// No packet may take longer: far beyond a scheduler's whim.
@@ -89,7 +92,7 @@ fn controller() -> anyhow::Result<Controller> {
 }
 
 /// What the two sides say to each other from the first byte on: to the server, to the client.
-fn conversation() -> anyhow::Result<(Vec<Vec<u8>>, Vec<Vec<u8>>)> {
+fn conversation() -> anyhow::Result<(Said, Said)> {
     let (mut session, mut robot) = (session()?, controller()?);
     let mut server = ServerSession::new(1);
     let (mut to_server, mut to_client) = (Vec::new(), Vec::new());

@@ -39,7 +39,7 @@ pub fn stops(count: u64) -> anyhow::Result<()> {
         soak.stop(done).with_context(|| format!("at stop {}", done + 1))?;
         done += 1;
     }
-    let (stops, unlocks) = soak.robot.with(|server| server.controller().stops());
+    let (stops, unlocks) = soak.robot.with(|server| server.controller().stop_count());
     ensure!((stops, unlocks) == (done, done), "{stops} stops, {unlocks} unlocks by {done} persons");
     writeln!(
         std::io::stdout(),
@@ -122,7 +122,7 @@ impl Soak {
         refused(self.arm.write(&JointCommand { q }), "a command was taken")?;
         refused(self.recover(), "recover succeeded")?;
         ensure!(self.moves(WATCHED) == 0, "the arm moved during a protective stop");
-        let unlocks = |server: &mut Server| server.controller().stops().1;
+        let unlocks = |server: &mut Server| server.controller().stop_count().1;
         ensure!(self.robot.with(unlocks) == number, "the client unlocked a protective stop");
         // A person at the arm.
         self.robot.with(|server| {
