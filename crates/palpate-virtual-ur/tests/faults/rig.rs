@@ -49,9 +49,13 @@ impl Rig {
             Options { any_ports: true, ..Options::new(ControllerConfig::new(UrModel::Ur3e)) };
         let server = open(options, Box::new(LaggedArm::at(home))).unwrap();
         let targets = Arc::<Mutex<Vec<JointVector>>>::default();
-        let record = Arc::clone(&targets);
+        let (record, mut last) = (Arc::clone(&targets), 0);
         let robot = Stepped::new(server, Duration::from_secs_f64(DT), move |server| {
-            record.lock().unwrap().push(server.controller().target().q);
+            // A controller that stalls runs no cycle.
+            let cycle = server.controller().ticks();
+            if std::mem::replace(&mut last, cycle) != cycle {
+                record.lock().unwrap().push(server.controller().target().q);
+            }
         });
         Self { robot, targets }
     }
