@@ -68,7 +68,10 @@ struct Learned {
 pub fn link(what: &Link, measure: Measure) -> anyhow::Result<()> {
     let setup =
         virtual_ur::Setup { address: [127, 0, 0, 1].into(), any_ports: true, faults: Vec::new() };
-    let (options, plant) = virtual_ur::controller(&what.choice, setup)?;
+    let mut its = what.choice.clone();
+    // The arm's side is none of the controller's business.
+    its.set.retain(|key| !key.starts_with("ur."));
+    let (options, plant) = virtual_ur::controller(&its, setup)?;
     let robot = Handle::start(options, Box::new(plant))?;
     let controller = robot
         .with(|_| palpate_ur::realtime(virtual_ur::PRIORITY, false))
