@@ -1,10 +1,8 @@
 //! Loops over activations and parameters, compiled for the vector unit of the machine at hand.
 //!
 //! Every sum runs in a fixed order (sixteen running sums, folded pairwise) and nothing is contracted
-//! into fused multiply-adds, so an instruction set changes the speed and not one bit.
-
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
+//! into fused multiply-adds, so an instruction set changes the speed and not one bit. Matrix products
+//! are in [`product`](crate::product).
 
 const LANES: usize = 16;
 /// Added to the variance, as in torch.nn.LayerNorm.
@@ -42,40 +40,14 @@ fn sum(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
     lanes[0]
 }
 
+/// Σ aᵢ bᵢ.
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    vectorised(|| sum(a, b, |x, y| x * y))
+}
+
 /// Σ xᵢ².
 pub(crate) fn sum_of_squares(x: &[f32]) -> f32 {
     vectorised(|| sum(x, x, |x, y| x * y))
-}
-
-/// A row-major matrix, or its transpose.
-#[derive(Clone, Copy)]
-pub(crate) struct Matrix<'a>(MatRef<'a, f32>);
-
-impl<'a> Matrix<'a> {
-    pub(crate) fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
-        Self(MatRef::from_row_major_slice(values, rows, columns))
-    }
-
-    pub(crate) fn transposed(self) -> Self {
-        Self(self.0.transpose())
-    }
-}
-
-/// C = A B, row-major, on the calling thread.
-pub(crate) fn multiply(c: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
-    let c = MatMut::from_row_major_slice_mut(c, a.0.nrows(), b.0.ncols());
-    matmul(c, Accum::Replace, a.0, b.0, 1.0, Par::Seq);
-}
-
-/// Each row of `z` += bias.
-pub(crate) fn add_bias(z: &mut [f32], bias: &[f32]) {
-    vectorised(|| {
-        for row in z.chunks_exact_mut(bias.len()) {
-            for (z, b) in row.iter_mut().zip(bias) {
-                *z += b;
-            }
-        }
-    });
 }
 
 /// max(x, 0), except that NaN stays NaN: a ReLU must not hide it.
@@ -90,37 +62,19 @@ fn positive(x: f32) -> f32 {
 
 /// Each x becomes max(x, 0).
 pub(crate) fn relu(x: &mut [f32]) {
-    for x in x {
-        *x = positive(*x);
-    }
-}
-
-/// Each row of `z` becomes max(z + bias, 0).
-pub(crate) fn bias_relu(z: &mut [f32], bias: &[f32]) {
     vectorised(|| {
-        for row in z.chunks_exact_mut(bias.len()) {
-            for (z, b) in row.iter_mut().zip(bias) {
-                *z = positive(*z + b);
-            }
+        for x in x {
+            *x = positive(*x);
         }
     });
 }
 
-/// Each row of `z` becomes ẑ = (z + bias − mean) / √(variance + ε), and `relu` max(ẑ, 0).
-pub(crate) fn bias_norm_relu(
-    z: &mut [f32],
-    bias: &[f32],
-    inverse_std: &mut [f32],
-    relu: &mut [f32],
-) {
-    let width = bias.len();
+/// Each row of `z` becomes ẑ = (z − mean) / √(variance + ε), and `relu` max(ẑ, 0).
+pub(crate) fn norm_relu(z: &mut [f32], width: usize, inverse_std: &mut [f32], relu: &mut [f32]) {
     let scale = 1.0 / width as f32;
     vectorised(|| {
         let rows = z.chunks_exact_mut(width).zip(relu.chunks_exact_mut(width));
         for ((z, relu), inverse_std) in rows.zip(inverse_std) {
-            for (z, b) in z.iter_mut().zip(bias) {
-                *z += b;
-            }
             let mean = sum(z, z, |x, _| x) * scale;
             let variance = sum(z, z, |x, _| (x - mean) * (x - mean)) * scale;
             *inverse_std = 1.0 / (variance + NORM_EPSILON).sqrt();
@@ -166,10 +120,9 @@ pub(crate) fn norm_relu_backward(
     });
 }
 
-/// Column sums of `d`: the gradient of a bias.
-pub(crate) fn column_sums(d: &[f32], sums: &mut [f32]) {
+/// Adds every row of `d` to `sums`, in order: the gradient of a bias.
+pub(crate) fn add_rows(d: &[f32], sums: &mut [f32]) {
     vectorised(|| {
-        sums.fill(0.0);
         for row in d.chunks_exact(sums.len()) {
             for (sum, d) in sums.iter_mut().zip(row) {
                 *sum += d;

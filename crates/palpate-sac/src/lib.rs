@@ -58,10 +58,13 @@ mod network;
 mod op;
 mod optimiser;
 mod policy;
+mod product;
 mod replay;
 mod rng;
 mod squash;
+mod team;
 mod tensors;
+mod work;
 
 pub use agent::{Mode, Sac};
 pub use config::{Ops, SacConfig, TargetEntropy};
