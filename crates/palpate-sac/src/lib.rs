@@ -52,6 +52,7 @@ mod error;
 #[cfg(test)]
 mod golden;
 mod kernel;
+mod lanes;
 mod learner;
 mod mlp;
 mod network;

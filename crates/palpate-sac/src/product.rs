@@ -229,28 +229,33 @@ pub(crate) fn transpose(from: &[f32], columns: usize, to: &mut [f32]) {
     /// Side of the squares that are turned in registers.
     const SIDE: usize = 16;
     let rows = from.len() / columns;
-    pulp::Arch::new().dispatch(|| {
-        for i in (0..rows).step_by(SIDE) {
-            for j in (0..columns).step_by(SIDE) {
-                if i + SIDE <= rows && j + SIDE <= columns {
-                    let square: [[f32; SIDE]; SIDE] = std::array::from_fn(|r| {
-                        std::array::from_fn(|c| from[(i + r) * columns + j..][..SIDE][c])
-                    });
-                    for c in 0..SIDE {
-                        for (to, row) in to[(j + c) * rows + i..][..SIDE].iter_mut().zip(&square) {
-                            *to = row[c];
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for i in (0..rows).step_by(SIDE) {
+                for j in (0..columns).step_by(SIDE) {
+                    if i + SIDE <= rows && j + SIDE <= columns {
+                        let square: [[f32; SIDE]; SIDE] = std::array::from_fn(|r| {
+                            std::array::from_fn(|c| from[(i + r) * columns + j..][..SIDE][c])
+                        });
+                        for c in 0..SIDE {
+                            for (to, row) in
+                                to[(j + c) * rows + i..][..SIDE].iter_mut().zip(&square)
+                            {
+                                *to = row[c];
+                            }
                         }
-                    }
-                } else {
-                    for r in i..rows.min(i + SIDE) {
-                        for c in j..columns.min(j + SIDE) {
-                            to[c * rows + r] = from[r * columns + c];
+                    } else {
+                        for r in i..rows.min(i + SIDE) {
+                            for c in j..columns.min(j + SIDE) {
+                                to[c * rows + r] = from[r * columns + c];
+                            }
                         }
                     }
                 }
             }
-        }
-    });
+        },
+    );
 }
 
 #[cfg(test)]
