@@ -106,29 +106,21 @@ pub(crate) fn relu_backward(d: &mut [f32], relu: &[f32]) {
     );
 }
 
-/// Gradient through ReLU and LayerNorm, in place; `normalised` is ẑ.
+/// Gradient of a row through ReLU and LayerNorm, in place; `normalised` is ẑ.
 ///
 /// With g = d·[ẑ > 0]: dz = (g − mean(g) − ẑ·mean(g·ẑ)) / √(variance + ε).
-pub(crate) fn norm_relu_backward(
-    d: &mut [f32],
-    normalised: &[f32],
-    inverse_std: &[f32],
-    width: usize,
-) {
-    let scale = 1.0 / width as f32;
+pub(crate) fn norm_relu_backward(d: &mut [f32], normalised: &[f32], inverse_std: f32) {
+    let scale = 1.0 / d.len() as f32;
     vectorised(
         #[inline(always)]
         || {
-            let rows = d.chunks_exact_mut(width).zip(normalised.chunks_exact(width));
-            for ((d, z), inverse_std) in rows.zip(inverse_std) {
-                for (d, z) in d.iter_mut().zip(z) {
-                    *d = if *z > 0.0 { *d } else { 0.0 };
-                }
-                let mean = sum(d, z, |d, _| d) * scale;
-                let along = sum(d, z, |d, z| d * z) * scale;
-                for (d, z) in d.iter_mut().zip(z) {
-                    *d = (*d - mean - z * along) * inverse_std;
-                }
+            for (d, z) in d.iter_mut().zip(normalised) {
+                *d = if *z > 0.0 { *d } else { 0.0 };
+            }
+            let mean = sum(d, d, |d, _| d) * scale;
+            let along = sum(d, normalised, |d, z| d * z) * scale;
+            for (d, z) in d.iter_mut().zip(normalised) {
+                *d = (*d - mean - z * along) * inverse_std;
             }
         },
     );

@@ -103,7 +103,8 @@ impl Part {
             None => bail!("network of {inputs} inputs given {columns}"),
         }
         copy_columns(x, x_layout, &mut rows, inputs, left)?;
-        area.work.forward(&self.shape, contiguous(parameters, parameters_layout)?, team);
+        let parameters = contiguous(parameters, parameters_layout)?;
+        area.work.forward(&self.shape, parameters, call.train || call.through, team);
         Ok(())
     }
 

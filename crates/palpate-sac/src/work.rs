@@ -12,6 +12,8 @@ use crate::team::Team;
 
 /// Rows that a product computes together; halves are a multiple where they can be.
 const BLOCK: usize = 8;
+/// Rows that go through all layers before the next ones do, so that they stay in the nearer caches.
+const CHUNK: usize = 64;
 
 /// What one forward pass leaves for its backward pass. Grows to the largest batch, then stays.
 #[derive(Debug, Default)]
@@ -37,6 +39,8 @@ struct Half {
     d_input: Vec<f32>,
     /// Weight rows of the wanted input columns, turned.
     turned_input: Vec<f32>,
+    /// The rows that a backward pass went through.
+    taken: Vec<usize>,
 }
 
 #[derive(Debug, Default)]
@@ -71,10 +75,17 @@ impl Work {
         self.turned_is_current = false;
     }
 
-    /// Computes the output rows for the prepared input.
-    pub(crate) fn forward(&mut self, shape: &Shape, parameters: &[f32], team: Option<&Team>) {
+    /// Computes the output rows for the prepared input. Without `keep`, no backward pass can follow.
+    pub(crate) fn forward(
+        &mut self,
+        shape: &Shape,
+        parameters: &[f32],
+        keep: bool,
+        team: Option<&Team>,
+    ) {
         let [a, b] = &mut self.halves;
-        in_pair(team, || a.forward(shape, parameters), || b.forward(shape, parameters));
+        let (a, b) = (|| a.forward(shape, parameters, keep), || b.forward(shape, parameters, keep));
+        in_pair(team, a, b);
     }
 
     /// The output rows, in two pieces.
@@ -116,8 +127,8 @@ impl Work {
         let [a, b] = &mut self.halves;
         in_pair(
             team,
-            || a.backward(shape, parameters, turned, &wanted.input),
-            || b.backward(shape, parameters, turned, &wanted.input),
+            || a.backward(shape, parameters, turned, wanted),
+            || b.backward(shape, parameters, turned, wanted),
         );
         if wanted.parameters {
             // A weight is a sum over the batch: all cost the same.
@@ -172,83 +183,122 @@ impl Half {
         &mut self.input
     }
 
-    fn forward(&mut self, shape: &Shape, parameters: &[f32]) {
-        let (last, mut below) = (shape.last(), &self.input[..]);
-        for (hidden, layer) in self.hidden.iter_mut().zip(shape.layers()) {
-            let Hidden { normalised, inverse_std, activation } = hidden;
-            if shape.layer_norm {
-                linear(layer, parameters, below, normalised, |row, z| {
-                    let rows = z.len() / layer.outputs;
-                    let relu = &mut activation[row * layer.outputs..][..z.len()];
-                    kernel::norm_relu(z, layer.outputs, &mut inverse_std[row..row + rows], relu);
-                });
+    fn forward(&mut self, shape: &Shape, parameters: &[f32], keep: bool) {
+        let last = shape.last();
+        for from in (0..self.rows).step_by(CHUNK) {
+            let count = CHUNK.min(self.rows - from);
+            // What nobody asks for again is overwritten while it is near.
+            let at = if keep { from } else { 0 };
+            let mut below = part(&self.input, from, count, shape.inputs());
+            for (hidden, layer) in self.hidden.iter_mut().zip(shape.layers()) {
+                let width = layer.outputs;
+                let activation = part_mut(&mut hidden.activation, at, count, width);
+                if shape.layer_norm {
+                    let normalised = part_mut(&mut hidden.normalised, at, count, width);
+                    let inverse_std = part_mut(&mut hidden.inverse_std, at, count, 1);
+                    linear(layer, parameters, below, normalised, |row, z| {
+                        let rows = z.len() / width;
+                        let relu = part_mut(activation, row, rows, width);
+                        kernel::norm_relu(z, width, &mut inverse_std[row..row + rows], relu);
+                    });
+                } else {
+                    linear(layer, parameters, below, activation, |_, z| kernel::relu(z));
+                }
+                below = activation;
+            }
+            let output = part_mut(&mut self.output, from, count, last.outputs);
+            if last.outputs == 1 {
+                let (w, b) = (&parameters[last.weight.clone()], parameters[last.bias.start]);
+                for (output, row) in output.iter_mut().zip(below.chunks_exact(last.inputs)) {
+                    *output = kernel::dot(row, w) + b;
+                }
             } else {
-                linear(layer, parameters, below, activation, |_, z| kernel::relu(z));
+                linear(last, parameters, below, output, as_it_is);
             }
-            below = activation;
-        }
-        if last.outputs == 1 {
-            let (w, b) = (&parameters[last.weight.clone()], parameters[last.bias.start]);
-            for (output, row) in self.output.iter_mut().zip(below.chunks_exact(last.inputs)) {
-                *output = kernel::dot(row, w) + b;
-            }
-        } else {
-            linear(last, parameters, below, &mut self.output, as_it_is);
         }
     }
 
     /// From the gradient of the output down to the first layer, and to the wanted input columns.
-    fn backward(
-        &mut self,
-        shape: &Shape,
-        parameters: &[f32],
-        turned: &[f32],
-        wanted: &Range<usize>,
-    ) {
-        for (index, layer) in shape.layers().iter().enumerate().skip(1).rev() {
-            let (below, above) = self.deltas.split_at_mut(index);
-            let Some(output) = below.last_mut() else { continue };
-            let Hidden { normalised, inverse_std, activation } = &self.hidden[index - 1];
-            let width = layer.inputs;
-            Product {
-                left: Left::Rows(&above[0]),
-                right: &turned[layer.weight.clone()],
-                stride: width,
-                inner: layer.outputs,
-                start: Start::Zero,
-                columns: width,
-                output,
-                finish: |row: usize, d: &mut [f32]| {
-                    let here = row * width..row * width + d.len();
-                    if shape.layer_norm {
-                        let inverse_std = &inverse_std[row..row + d.len() / width];
-                        kernel::norm_relu_backward(d, &normalised[here], inverse_std, width);
-                    } else {
-                        kernel::relu_backward(d, &activation[here]);
-                    }
-                },
-            }
-            .run();
-        }
-        let (layer, columns) = (&shape.layers()[0], wanted.len());
-        self.d_input.resize(self.rows * columns, 0.0);
+    fn backward(&mut self, shape: &Shape, parameters: &[f32], turned: &[f32], wanted: &Wanted) {
+        self.take_rows(shape.outputs(), wanted.parameters);
+        let (first, columns) = (&shape.layers()[0], wanted.input.len());
         if columns > 0 {
             // Rows of W belong to inputs, so a range of input columns is a contiguous part of it.
-            let from = layer.weight.start + wanted.start * layer.outputs;
-            self.turned_input.resize(layer.outputs * columns, 0.0);
-            let rows = &parameters[from..from + columns * layer.outputs];
-            transpose(rows, layer.outputs, &mut self.turned_input);
-            Product {
-                left: Left::Rows(&self.deltas[0]),
-                right: &self.turned_input,
-                stride: columns,
-                inner: layer.outputs,
-                start: Start::Zero,
-                columns,
-                output: &mut self.d_input,
-                finish: as_it_is,
+            let from = first.weight.start + wanted.input.start * first.outputs;
+            self.turned_input.resize(first.outputs * columns, 0.0);
+            let rows = &parameters[from..from + columns * first.outputs];
+            transpose(rows, first.outputs, &mut self.turned_input);
+        }
+        self.d_input.resize(self.rows * columns, 0.0);
+        for from in (0..self.taken.len()).step_by(CHUNK) {
+            let count = CHUNK.min(self.taken.len() - from);
+            let taken = &self.taken[from..from + count];
+            for (index, layer) in shape.layers().iter().enumerate().skip(1).rev() {
+                let (below, above) = self.deltas.split_at_mut(index);
+                let Some(below) = below.last_mut() else { continue };
+                let hidden = &self.hidden[index - 1];
+                let (width, inner) = (layer.inputs, layer.outputs);
+                let finish = |row: usize, d: &mut [f32]| {
+                    for (d, &row) in d.chunks_exact_mut(width).zip(&taken[row..]) {
+                        if shape.layer_norm {
+                            let normalised = part(&hidden.normalised, row, 1, width);
+                            kernel::norm_relu_backward(d, normalised, hidden.inverse_std[row]);
+                        } else {
+                            kernel::relu_backward(d, part(&hidden.activation, row, 1, width));
+                        }
+                    }
+                };
+                through(
+                    part(&above[0], from, count, inner),
+                    &turned[layer.weight.clone()],
+                    inner,
+                    part_mut(below, from, count, width),
+                    finish,
+                );
             }
-            .run();
+            if columns > 0 {
+                through(
+                    part(&self.deltas[0], from, count, first.outputs),
+                    &self.turned_input,
+                    first.outputs,
+                    part_mut(&mut self.d_input, from, count, columns),
+                    as_it_is,
+                );
+            }
+        }
+        self.put_rows_back(columns);
+    }
+
+    /// Decides which rows go backward and moves the gradient of their outputs to the front.
+    ///
+    /// A row whose output has no gradient gives none to its input: of two critics, one is not the lower.
+    fn take_rows(&mut self, outputs: usize, all: bool) {
+        let Self { rows, deltas, taken, .. } = self;
+        taken.clear();
+        let Some(delta) = deltas.last_mut() else { return };
+        for row in 0..*rows {
+            let here = row * outputs..(row + 1) * outputs;
+            if all || delta[here.clone()].iter().any(|d| *d != 0.0) {
+                delta.copy_within(here, taken.len() * outputs);
+                taken.push(row);
+            }
+        }
+    }
+
+    /// Moves the gradients of input rows from the front to where they belong.
+    fn put_rows_back(&mut self, columns: usize) {
+        let mut left = self.taken.len();
+        if left == self.rows {
+            return;
+        }
+        for row in (0..self.rows).rev() {
+            let here = row * columns..(row + 1) * columns;
+            if left > 0 && self.taken[left - 1] == row {
+                left -= 1;
+                self.d_input.copy_within(left * columns..(left + 1) * columns, here.start);
+            } else {
+                self.d_input[here].fill(0.0);
+            }
         }
     }
 
@@ -259,6 +309,28 @@ impl Half {
             Some(hidden) => &self.hidden[hidden].activation,
         }
     }
+}
+
+/// Rows of a matrix of so many columns.
+fn part(values: &[f32], row: usize, rows: usize, columns: usize) -> &[f32] {
+    &values[row * columns..][..rows * columns]
+}
+
+fn part_mut(values: &mut [f32], row: usize, rows: usize, columns: usize) -> &mut [f32] {
+    &mut values[row * columns..][..rows * columns]
+}
+
+/// below = delta Wᵀ, for Wᵀ of `inner` rows.
+fn through(
+    delta: &[f32],
+    turned: &[f32],
+    inner: usize,
+    below: &mut [f32],
+    finish: impl FnMut(usize, &mut [f32]),
+) {
+    let (columns, start) = (turned.len() / inner, Start::Zero);
+    let (left, right, stride, output) = (Left::Rows(delta), turned, columns, below);
+    Product { left, right, stride, inner, start, columns, output, finish }.run();
 }
 
 /// output = x W + b.
