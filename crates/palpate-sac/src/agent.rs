@@ -125,6 +125,13 @@ impl Sac {
         if self.replay.len() < self.config.start_training {
             return Ok(None);
         }
+        let team = self.learner.team();
+        let mean = team.enter(|| self.updates_of_a_step())?;
+        self.learner.actor.copy_parameters(self.policy.parameters_mut())?;
+        Ok(Some(mean))
+    }
+
+    fn updates_of_a_step(&mut self) -> Result<UpdateStats, SacError> {
         let mut mean = UpdateStats::default();
         for _ in 0..self.config.updates_per_step {
             let batch = self.draw_batch()?;
@@ -132,8 +139,7 @@ impl Sac {
             self.updates += 1;
             mean.add(&stats, 1.0 / self.config.updates_per_step as f32);
         }
-        self.learner.actor.copy_parameters(self.policy.parameters_mut())?;
-        Ok(Some(mean))
+        Ok(mean)
     }
 
     fn draw_batch(&mut self) -> Result<Batch, SacError> {

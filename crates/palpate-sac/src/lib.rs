@@ -53,16 +53,20 @@ mod error;
 #[cfg(test)]
 mod golden;
 mod kernel;
+mod lanes;
 mod learner;
 mod mlp;
 mod network;
 mod op;
 mod optimiser;
 mod policy;
+mod product;
 mod replay;
 mod rng;
 mod squash;
+mod team;
 mod tensors;
+mod work;
 
 pub use agent::{Mode, Sac};
 pub use config::{LearnFrom, Ops, SacConfig, TargetEntropy};
