@@ -13,16 +13,20 @@
 mod config;
 mod environment;
 mod episode;
+mod error;
 mod observation;
 mod reset;
 mod reward;
 mod scripted;
+mod tape;
 mod task;
 
 pub use config::{ConfigError, EnvConfig, Reference, ResetConfig};
-pub use environment::{Env, EnvError, Step};
+pub use environment::{Env, Step};
 pub use episode::{Outcome, Summary};
+pub use error::EnvError;
 pub use observation::ObservationConfig;
 pub use reward::{RewardConfig, RewardForm, RewardTerms, RewardWeights};
 pub use scripted::ScriptedPolicy;
+pub use tape::{Beat, Tape, Tick};
 pub use task::{Distribution, EpisodeStart, Spread, TaskConfig};

@@ -12,6 +12,7 @@ pub mod ledger;
 pub mod plot;
 mod progress;
 pub mod real;
+pub mod record;
 pub mod runs;
 pub mod stack;
 pub mod train;

@@ -236,6 +236,9 @@ struct Evaluate {
     /// Sample the policy's actions instead of taking their mean.
     #[arg(long)]
     stochastic: bool,
+    /// Record every policy's first 3 episodes and those that failed, at most 10 of each, as MCAP in this folder.
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
     /// Print JSON instead of a table.
     #[arg(long)]
     json: bool,
@@ -327,6 +330,7 @@ fn run(command: Command) -> anyhow::Result<()> {
                 seed: args.seed,
                 set: args.set,
                 stochastic: args.stochastic,
+                record: args.record,
             },
             args.json,
         ),

@@ -129,14 +129,15 @@ impl World for RealTime {
         Ok(None)
     }
 
-    fn end(self) -> Option<serde_json::Value> {
+    fn end(self) -> (Option<serde_json::Value>, Vec<String>) {
         let (faults, realtime) = (self.faults, self.arm.realtime.clone());
-        let stats = self.arm.release()?;
-        Some(serde_json::json!({
+        let Some(stats) = self.arm.release() else { return (None, Vec::new()) };
+        let link = serde_json::json!({
             "stops_cleared_by_a_person": faults,
             "scheduling": realtime,
             "ticks": stats,
             "commands_taken": stats.success_rate(),
-        }))
+        });
+        (Some(link), Vec::new())
     }
 }
