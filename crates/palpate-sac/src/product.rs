@@ -2,6 +2,10 @@
 //!
 //! Every element of a product is one chain of fused multiply-adds over the inner index, in order. Neither the
 //! size of a tile, nor the width of a vector, nor which thread computes which rows changes one bit of it.
+#![expect(
+    clippy::inline_always,
+    reason = "code is compiled for the vector unit only inside its caller"
+)]
 
 use pulp::{Simd, WithSimd};
 

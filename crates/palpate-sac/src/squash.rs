@@ -153,7 +153,6 @@ fn poisoned(error: impl std::fmt::Display) -> Error {
 }
 
 /// One row of the forward pass.
-#[expect(clippy::inline_always, reason = "compiled for the vector unit only inside its caller")]
 #[inline(always)]
 fn squash_row(
     bounds: LogStd,
@@ -196,7 +195,6 @@ fn squash_row(
 }
 
 /// tanh u and log(1 − tanh² u), from one exponential.
-#[expect(clippy::inline_always, reason = "compiled for the vector unit only inside its caller")]
 #[inline(always)]
 fn tanh_and_correction(u: f32) -> (f32, f32) {
     const LOG_4: f32 = 1.386_294_4;
