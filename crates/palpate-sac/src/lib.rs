@@ -56,6 +56,7 @@ mod lanes;
 mod learner;
 mod mlp;
 mod network;
+mod norm;
 mod op;
 mod optimiser;
 mod policy;
@@ -65,6 +66,7 @@ mod rng;
 mod squash;
 mod team;
 mod tensors;
+mod turn;
 mod work;
 
 pub use agent::{Mode, Sac};
