@@ -8,9 +8,7 @@
     reason = "code is compiled for the vector unit only inside its caller"
 )]
 
-const LANES: usize = 16;
-/// Added to the variance, as in torch.nn.LayerNorm.
-pub(crate) const NORM_EPSILON: f32 = 1e-5;
+use crate::lanes::{LANES, Lanes};
 
 /// Runs `work` with the widest vector instructions the machine has.
 pub(crate) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
@@ -30,6 +28,12 @@ fn sum(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
     for (lane, (x, y)) in a_rest.iter().zip(b_rest).enumerate() {
         lanes[lane] += f(*x, *y);
     }
+    fold(lanes)
+}
+
+/// The sum of all lanes, pairwise.
+#[inline(always)]
+pub(crate) fn fold(mut lanes: Lanes) -> f32 {
     let mut width = LANES / 2;
     while width > 0 {
         for lane in 0..width {
@@ -74,26 +78,6 @@ pub(crate) fn relu(x: &mut [f32]) {
     );
 }
 
-/// Each row of `z` becomes ẑ = (z − mean) / √(variance + ε), and `relu` max(ẑ, 0).
-pub(crate) fn norm_relu(z: &mut [f32], width: usize, inverse_std: &mut [f32], relu: &mut [f32]) {
-    let scale = 1.0 / width as f32;
-    vectorised(
-        #[inline(always)]
-        || {
-            let rows = z.chunks_exact_mut(width).zip(relu.chunks_exact_mut(width));
-            for ((z, relu), inverse_std) in rows.zip(inverse_std) {
-                let mean = sum(z, z, |x, _| x) * scale;
-                let variance = sum(z, z, |x, _| (x - mean) * (x - mean)) * scale;
-                *inverse_std = 1.0 / (variance + NORM_EPSILON).sqrt();
-                for (z, relu) in z.iter_mut().zip(relu) {
-                    *z = (*z - mean) * *inverse_std;
-                    *relu = positive(*z);
-                }
-            }
-        },
-    );
-}
-
 /// Gradient through ReLU, in place; `relu` is its output.
 pub(crate) fn relu_backward(d: &mut [f32], relu: &[f32]) {
     vectorised(
@@ -101,26 +85,6 @@ pub(crate) fn relu_backward(d: &mut [f32], relu: &[f32]) {
         || {
             for (d, y) in d.iter_mut().zip(relu) {
                 *d = if *y > 0.0 { *d } else { 0.0 };
-            }
-        },
-    );
-}
-
-/// Gradient of a row through ReLU and LayerNorm, in place; `normalised` is ẑ.
-///
-/// With g = d·[ẑ > 0]: dz = (g − mean(g) − ẑ·mean(g·ẑ)) / √(variance + ε).
-pub(crate) fn norm_relu_backward(d: &mut [f32], normalised: &[f32], inverse_std: f32) {
-    let scale = 1.0 / d.len() as f32;
-    vectorised(
-        #[inline(always)]
-        || {
-            for (d, z) in d.iter_mut().zip(normalised) {
-                *d = if *z > 0.0 { *d } else { 0.0 };
-            }
-            let mean = sum(d, d, |d, _| d) * scale;
-            let along = sum(d, normalised, |d, z| d * z) * scale;
-            for (d, z) in d.iter_mut().zip(normalised) {
-                *d = (*d - mean - z * along) * inverse_std;
             }
         },
     );

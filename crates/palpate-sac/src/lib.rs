@@ -57,6 +57,7 @@ mod lanes;
 mod learner;
 mod mlp;
 mod network;
+mod norm;
 mod op;
 mod optimiser;
 mod policy;
@@ -66,6 +67,7 @@ mod rng;
 mod squash;
 mod team;
 mod tensors;
+mod turn;
 mod work;
 
 pub use agent::{Mode, Sac};

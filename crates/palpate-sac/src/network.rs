@@ -6,8 +6,8 @@ use candle_core::backprop::GradStore;
 use candle_core::{D, Device, Result, Tensor, Var};
 
 use crate::config::Ops;
-use crate::kernel::NORM_EPSILON;
 use crate::mlp::Shape;
+use crate::norm::NORM_EPSILON;
 use crate::op::{Area, Call, NetworkOp, PairOp, Part, contiguous, cpu, lock};
 use crate::optimiser::{Moments, step_variable};
 use crate::team::Team;

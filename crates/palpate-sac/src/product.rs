@@ -228,44 +228,11 @@ fn vectors<S: Simd, const WIDTH: usize>(values: &[f32]) -> [S::f32s; WIDTH] {
     std::array::from_fn(|i| vectors[i])
 }
 
-/// `to` = `from`ᵀ, where `from` has rows of `columns` numbers.
-pub(crate) fn transpose(from: &[f32], columns: usize, to: &mut [f32]) {
-    /// Side of the squares that are turned in registers.
-    const SIDE: usize = 16;
-    let rows = from.len() / columns;
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for i in (0..rows).step_by(SIDE) {
-                for j in (0..columns).step_by(SIDE) {
-                    if i + SIDE <= rows && j + SIDE <= columns {
-                        let square: [[f32; SIDE]; SIDE] = std::array::from_fn(|r| {
-                            std::array::from_fn(|c| from[(i + r) * columns + j..][..SIDE][c])
-                        });
-                        for c in 0..SIDE {
-                            for (to, row) in
-                                to[(j + c) * rows + i..][..SIDE].iter_mut().zip(&square)
-                            {
-                                *to = row[c];
-                            }
-                        }
-                    } else {
-                        for r in i..rows.min(i + SIDE) {
-                            for c in j..columns.min(j + SIDE) {
-                                to[c * rows + r] = from[r * columns + c];
-                            }
-                        }
-                    }
-                }
-            }
-        },
-    );
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rng::{Streams, fill_normal};
+    use crate::turn::transpose;
 
     fn draw(count: usize, seed: u64) -> Vec<f32> {
         let mut values = vec![0.0; count];

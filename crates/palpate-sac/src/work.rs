@@ -7,8 +7,10 @@ use std::ops::Range;
 
 use crate::kernel;
 use crate::mlp::{Layer, Shape};
-use crate::product::{Left, Product, Start, as_it_is, transpose};
+use crate::norm;
+use crate::product::{Left, Product, Start, as_it_is};
 use crate::team::Team;
+use crate::turn::transpose;
 
 /// Rows that a product computes together; halves are a multiple where they can be.
 const BLOCK: usize = 8;
@@ -199,7 +201,7 @@ impl Half {
                     linear(layer, parameters, below, normalised, |row, z| {
                         let rows = z.len() / width;
                         let relu = part_mut(activation, row, rows, width);
-                        kernel::norm_relu(z, width, &mut inverse_std[row..row + rows], relu);
+                        norm::norm_relu(z, width, &mut inverse_std[row..row + rows], relu);
                     });
                 } else {
                     linear(layer, parameters, below, activation, |_, z| kernel::relu(z));
@@ -242,7 +244,7 @@ impl Half {
                     for (d, &row) in d.chunks_exact_mut(width).zip(&taken[row..]) {
                         if shape.layer_norm {
                             let normalised = part(&hidden.normalised, row, 1, width);
-                            kernel::norm_relu_backward(d, normalised, hidden.inverse_std[row]);
+                            norm::norm_relu_backward(d, normalised, hidden.inverse_std[row]);
                         } else {
                             kernel::relu_backward(d, part(&hidden.activation, row, 1, width));
                         }
