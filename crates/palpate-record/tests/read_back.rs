@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use foxglove::Decode as _;
 use foxglove::messages::{FrameTransforms, PointCloud, SceneUpdate};
 use palpate_record::{Body, Form, Level, RecordError, Recording, urdf};
 use palpate_spatial::{Pose, Vector3};
@@ -39,7 +38,8 @@ fn messages(file: &[u8]) -> Vec<(String, String, Vec<u8>, u64, Vec<u8>)> {
 #[test]
 fn numbers_carry_their_description_and_keep_what_is_missing_apart_from_zero() {
     let recording = Recording::new(EPOCH).unwrap();
-    let numbers = recording.numbers("/action", "palpate.Action", &["motion.x", "gain", "s"]).unwrap();
+    let numbers =
+        recording.numbers("/action", "palpate.Action", &["motion.x", "gain", "s"]).unwrap();
     numbers.put(0.5, &[1.5, f64::NAN, 0.0]).unwrap();
     let wrong = numbers.put(0.5, &[1.0]).unwrap_err();
     assert!(matches!(wrong, RecordError::Fields { expected: 3, found: 1, .. }), "{wrong}");
@@ -52,7 +52,8 @@ fn numbers_carry_their_description_and_keep_what_is_missing_apart_from_zero() {
     let described = FileDescriptorSet::decode(&schema[..]).unwrap();
     let file = &described.file[0];
     assert_eq!((file.package(), file.message_type[0].name()), ("palpate", "Action"));
-    let fields: Vec<_> = file.message_type[0].field.iter().map(|f| (f.name(), f.number())).collect();
+    let fields: Vec<_> =
+        file.message_type[0].field.iter().map(|f| (f.name(), f.number())).collect();
     assert_eq!(fields, [("motion_x", 1), ("gain", 2), ("s", 3)]);
 
     // Tag 1 and 3 as fixed 64-bit numbers; nothing for the NaN; zero is said.
