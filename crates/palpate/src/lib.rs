@@ -13,6 +13,7 @@ pub mod plot;
 mod progress;
 pub mod real;
 pub mod record;
+pub mod report;
 pub mod runs;
 pub mod stack;
 pub mod train;
