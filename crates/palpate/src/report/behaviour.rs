@@ -167,9 +167,9 @@ impl Sums {
 fn gains(gains: &Gains) -> Vec<(String, f64)> {
     let sets = match gains {
         Gains::Parallel(g) => {
-            vec![("K_p^x, 1/s", g.kp_x), ("K_p^f, (m/s)/N", g.kp_f), ("S", g.selection)]
+            vec![("Kₚˣ, 1/s", g.kp_x), ("Kₚᶠ, (m/s)/N", g.kp_f), ("S", g.selection)]
         }
-        Gains::Admittance(g) => vec![("K_p^x, 1/s", g.kp_x), ("k_d, N·s/m", g.stiffness)],
+        Gains::Admittance(g) => vec![("Kₚˣ, 1/s", g.kp_x), ("k_d, N·s/m", g.stiffness)],
     };
     sets.into_iter()
         .flat_map(|(name, v)| {
