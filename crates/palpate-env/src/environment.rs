@@ -145,8 +145,7 @@ impl<R: Guarded> Env<R> {
         Box::new(Tape::new(self.config.max_steps, self.ticks_per_step, self.actions.dim()))
     }
 
-    /// Puts in a tape that takes down every control period from the next [`reset`](Self::reset) on, or none, and
-    /// gives back the one that was in. Taking down takes no memory.
+    /// Puts in a tape that takes down every control period from the next [`reset`](Self::reset) on; gives back the last.
     pub fn swap_tape(&mut self, tape: Option<Box<Tape>>) -> Option<Box<Tape>> {
         std::mem::replace(&mut self.tape, tape)
     }

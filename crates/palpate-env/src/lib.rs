@@ -4,6 +4,23 @@
 //! force-control law runs at the robot's rate (500 Hz) behind the fail-safe layer. It works on any
 //! [`palpate_safety::Guarded`] robot and knows nothing of simulators.
 //!
+//! ```
+//! use palpate_env::{Env, EnvError, Summary};
+//! use palpate_safety::Guarded;
+//!
+//! /// An episode without a policy: the force controller alone, at its base gains.
+//! fn episode<R: Guarded>(env: &mut Env<R>) -> Result<Summary, EnvError<R::Error>> {
+//!     env.reset()?;
+//!     let action = vec![0.0; env.action_dim()];
+//!     loop {
+//!         let step = env.step(&action)?;
+//!         if let Some(summary) = step.summary {
+//!             return Ok(summary);
+//!         }
+//!     }
+//! }
+//! ```
+//!
 //! Gymnasium's vocabulary in Rust's shape: [`Env::reset`] and [`Env::step`], `terminated` against
 //! `truncated`, and a typed [`Step`] instead of an info map.
 //!

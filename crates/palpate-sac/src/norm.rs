@@ -2,6 +2,10 @@
 //!
 //! Sums run in 32 lanes whatever the vector unit: two rounds of sixteen, added up, then folded pairwise. Nothing
 //! is contracted into fused multiply-adds, so an instruction set changes the speed and not one bit.
+#![expect(
+    clippy::inline_always,
+    reason = "code is compiled for the vector unit only inside its caller"
+)]
 
 use pulp::{Simd, WithSimd};
 

@@ -1,4 +1,8 @@
 //! Transposes.
+#![expect(
+    clippy::inline_always,
+    reason = "code is compiled for the vector unit only inside its caller"
+)]
 
 /// `to` = `from`ᵀ, where `from` has rows of `columns` numbers.
 pub(crate) fn transpose(from: &[f32], columns: usize, to: &mut [f32]) {

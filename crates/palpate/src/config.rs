@@ -68,7 +68,8 @@ pub struct Config {
     pub sac: SacConfig,
     /// The simulator.
     pub sim: SimConfig,
-    /// Which episodes of a training are recorded.
+    /// Which episodes of a training are recorded; a run without the key is from before there were recordings.
+    #[serde(default)]
     pub record: RecordConfig,
     /// The real arm, for the commands that move one.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -12,7 +12,7 @@ use palpate_sac::Policy;
 use palpate_safety::{Counts, Guarded, Tally};
 
 use crate::baselines::Actor;
-use crate::record::{Kind, Recorder};
+use crate::record::Recorder;
 use crate::stack::{Purpose, sim_env};
 use crate::{Config, interrupt};
 
@@ -115,7 +115,7 @@ pub fn run(
         let summaries = rollouts(&mut env, &mut actor, options.episodes, |env, summary| {
             let telling = summary.episode < FIRST || summary.outcome != Outcome::Success;
             if let Some(recorder) = recorder.as_mut().filter(|_| telling && kept < MOST) {
-                recorder.keep(env, Kind::Policy(name), true);
+                recorder.keep_as(env, name);
                 kept += 1;
             }
             progress(name, summary.episode + 1);

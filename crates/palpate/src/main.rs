@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use palpate::config::Choice;
 use palpate::real::{self, Address};
-use palpate::{evaluate, interrupt, plot, runs, train, virtual_ur};
+use palpate::{evaluate, interrupt, plot, report, runs, train, virtual_ur};
 
 /// Teach a position-controlled robot arm to feel its way.
 ///
@@ -54,6 +54,11 @@ enum Command {
     /// From ledger.csv of the run, one row per event: cause, time in the episode, ticks in a row, distance to the limit,
     /// place of the tool, wrench, proposed and executed joints.
     Ledger(Ledger),
+    /// Tell the story of one or more runs on one page of HTML that needs no network.
+    ///
+    /// Curves, force against its limit, gains by phase, what the fail-safe layer did and where, the policy before and
+    /// after training, configuration and provenance. Several runs are compared.
+    Report(report::Options),
     /// Look after run directories: list, verify, repair, copy, export.
     #[command(subcommand)]
     Runs(Runs),
@@ -334,6 +339,7 @@ fn run(command: Command) -> anyhow::Result<()> {
             },
             args.json,
         ),
+        Command::Report(options) => report::command(&options),
         Command::Runs(what) => {
             let out = &mut std::io::stdout();
             match what {

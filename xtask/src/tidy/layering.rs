@@ -61,6 +61,7 @@ const LIGHT: &[&str] = &[
     "palpate-robot-io",
     "palpate-safety",
     "palpate-env",
+    "palpate-record",
     "xtask",
 ];
 

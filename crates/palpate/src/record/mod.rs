@@ -37,6 +37,13 @@ pub struct RecordConfig {
     pub rate: f64,
 }
 
+impl Default for RecordConfig {
+    /// None.
+    fn default() -> Self {
+        Self { evaluations: 0, collisions: 0, rate: 500.0 }
+    }
+}
+
 impl RecordConfig {
     /// Checks that the numbers make sense.
     pub fn validate(&self) -> anyhow::Result<()> {
@@ -133,6 +140,11 @@ impl Recorder {
     pub fn load<R: Guarded>(&self, env: &mut Env<R>) {
         let tape = env.new_tape();
         env.swap_tape(Some(tape));
+    }
+
+    /// Keeps the episode that has just ended as one of `policy`, and waits for room if there is none.
+    pub fn keep_as<R: Guarded>(&mut self, env: &mut Env<R>, policy: &str) {
+        self.keep(env, Kind::Policy(policy), true);
     }
 
     /// Keeps the episode that has just ended, if its environment was [loaded](Self::load). With `wait` it is surely
