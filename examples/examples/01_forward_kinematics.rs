@@ -12,16 +12,16 @@ fn main() -> anyhow::Result<()> {
 
     let kinematics = chain.kinematics(&q);
     let base_T_tool = kinematics.pose();
-    println!("tool0 in base_link: {:.4} m", base_T_tool.translation.vector.transpose());
+    println!("tool0 in base_link: {:.4?} m", base_T_tool.translation.vector.as_slice());
     println!(
-        "its z axis points:  {:.3}",
-        (base_T_tool.rotation * nalgebra::Vector3::z()).transpose()
+        "its z axis points:  {:.3?}",
+        (base_T_tool.rotation * nalgebra::Vector3::z()).as_slice()
     );
 
     // Rows v then ω, base axes: what the tool does when one joint turns at 1 rad/s.
     let J = kinematics.jacobian(Frame::BaseAligned);
     for (joint, column) in chain.joint_names().iter().zip(J.column_iter()) {
-        println!("{joint:>20} turns → v = {:.3} m/s", column.fixed_rows::<3>(0).transpose());
+        println!("{joint:>20} turns → v = {:.3?} m/s", &column.as_slice()[..3]);
     }
     Ok(())
 }

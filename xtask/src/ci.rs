@@ -42,6 +42,7 @@ const STEPS: &[Step] = &[
         what: "killed, damaged and starved runs end as others do",
         run: torture,
     },
+    Step { name: "package", what: "every crate can be packaged", run: package },
     Step { name: "deny", what: "licences, sources and bans of dependencies", run: deny },
 ];
 
@@ -167,6 +168,17 @@ fn smoke() -> anyhow::Result<Outcome> {
 
 fn torture() -> anyhow::Result<Outcome> {
     torture::short().map(Outcome::Done)
+}
+
+/// Without a build: what is packaged is what the other steps built.
+fn package() -> anyhow::Result<Outcome> {
+    let sh = workspace::shell()?;
+    cmd!(
+        sh,
+        "cargo package --quiet --workspace --exclude palpate-examples --exclude xtask --no-verify --allow-dirty --exclude-lockfile --offline"
+    )
+    .run()?;
+    Ok(Outcome::Done(String::new()))
 }
 
 fn deny() -> anyhow::Result<Outcome> {

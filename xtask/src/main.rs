@@ -14,6 +14,7 @@ mod style;
 mod test;
 mod tidy;
 mod torture;
+mod view;
 mod workspace;
 
 use std::ffi::OsString;
@@ -28,6 +29,8 @@ Robot learning (builds the release binary if needed, then runs `palpate COMMAND 
   train-sim        train a policy in simulation
   evaluate RUN     measure a trained policy beside three baselines
   plot RUN…        draw learning curves
+  report RUN…      the story of one or more runs on one page of HTML; --live while they train
+  view RUN         list a run's recordings and open them in Rerun or Foxglove
   ledger RUN       what the fail-safe layer refused, slowed and stopped, by cause
   runs WHAT        look after runs: list, verify, repair, copy, export
   virtual-ur       a UR controller with simulated contact behind it, on a UR's ports
@@ -86,6 +89,7 @@ fn run() -> anyhow::Result<ExitCode> {
                 .run()?;
         }
         Some("torture") => torture::command(&rest)?,
+        Some("view") => return view::command(&rest),
         Some("soak") => return soak::command(&rest),
         Some("examples") => println!("{} programs ran", examples::command()?),
         _ => {

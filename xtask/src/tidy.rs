@@ -1,6 +1,7 @@
 //! What clippy cannot know: rules of this repository, checked rather than hoped for.
 
 mod docs;
+mod fronts;
 mod graph;
 mod layering;
 mod listed;
@@ -81,6 +82,7 @@ pub(crate) fn command() -> anyhow::Result<()> {
         text::check(&files),
         docs::check(&files),
         listed::check(&files),
+        fronts::check(&files),
     ]
     .into_iter()
     .flatten()

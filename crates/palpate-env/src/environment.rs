@@ -1,19 +1,20 @@
 //! The environment itself: a 20 Hz step around a 500 Hz loop.
 
 use palpate_control::{
-    ActionMap, ControlConfig, ControlError, ControlInput, Controller, ForceController, PolicyModel,
+    ActionMap, ControlConfig, ControlInput, Controller, ForceController, PolicyModel,
 };
-use palpate_kinematics::IkError;
 use palpate_robot_io::FaultKind;
 use palpate_safety::shield::Standing;
-use palpate_safety::{Excess, Guarded, Ledger, Measurement, Refusal, Verdict};
+use palpate_safety::{Cause, Guarded, Ledger, Measurement, Verdict};
 use palpate_spatial::{Pose, Twist, Vector6, integrate, pose_error_vector_part};
 
-use crate::config::{ConfigError, EnvConfig, Reference};
-use crate::episode::{Episode, Outcome, Summary};
+use crate::config::{EnvConfig, Reference};
+use crate::episode::{Episode, Outcome, Summary, displacement};
+use crate::error::{EnvError, is_stuck};
 use crate::observation::Observer;
 use crate::reset::{WayBack, drive_to_start};
 use crate::reward::{End, Parts, RewardConfig, RewardTerms};
+use crate::tape::{Beat, Tape, Tick};
 use crate::task::TaskConfig;
 
 /// Tries to get back to the start after a simulator fault before giving up.
@@ -35,43 +36,6 @@ pub struct Step {
     pub summary: Option<Summary>,
 }
 
-/// An error of the environment; `E` is the robot's.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum EnvError<E: std::error::Error + 'static> {
-    /// The robot failed.
-    #[error(transparent)]
-    Robot(E),
-    /// The action was refused (wrong length, not finite).
-    #[error(transparent)]
-    Control(#[from] ControlError),
-    /// A setting makes no sense.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// The start pose of an episode has no joint solution near `task.q_home`.
-    #[error("the episode's start pose cannot be reached from task.q_home: {0}")]
-    StartUnreachable(IkError),
-    /// The way back to the start pressed too hard.
-    #[error("the way back to the start is blocked: {0}")]
-    ResetForce(Excess),
-    /// The way back to the start was refused.
-    #[error("the way back to the start was refused: {0}")]
-    ResetRefused(Refusal),
-    /// The way back failed too often: a person must look.
-    #[error(
-        "{tries} tries to drive back to the start failed; a person must look at the arm. The last one: {last}"
-    )]
-    AskHuman {
-        /// Tries.
-        tries: u32,
-        /// How the last one failed.
-        last: String,
-    },
-    /// `step` was called before `reset` or after the episode's end.
-    #[error("no episode is under way: call reset first")]
-    NoEpisode,
-}
-
 /// The paper's environment on any guarded robot.
 #[derive(Debug)]
 pub struct Env<R: Guarded> {
@@ -87,6 +51,8 @@ pub struct Env<R: Guarded> {
     next_episode: u64,
     rebuilt: u64,
     episode: Option<Episode>,
+    /// What goes on, for whoever wants to see it.
+    tape: Option<Box<Tape>>,
 }
 
 impl<R: Guarded> Env<R> {
@@ -123,6 +89,7 @@ impl<R: Guarded> Env<R> {
             next_episode: 0,
             rebuilt: 0,
             episode: None,
+            tape: None,
         })
     }
 
@@ -166,6 +133,21 @@ impl<R: Guarded> Env<R> {
     /// The fail-safe layer's verdicts, to empty them once they are written.
     pub fn ledger_mut(&mut self) -> &mut Ledger {
         self.robot.ledger_mut()
+    }
+
+    /// What each component of an action moves: `motion.x`, …, `position`, `selection.rz`.
+    pub fn action_labels(&self) -> Vec<String> {
+        self.actions.labels()
+    }
+
+    /// A tape with room for the longest episode and for coming to rest after it.
+    pub fn new_tape(&self) -> Box<Tape> {
+        Box::new(Tape::new(self.config.max_steps, self.ticks_per_step, self.actions.dim()))
+    }
+
+    /// Puts in a tape that takes down every control period from the next [`reset`](Self::reset) on; gives back the last.
+    pub fn swap_tape(&mut self, tape: Option<Box<Tape>>) -> Option<Box<Tape>> {
+        std::mem::replace(&mut self.tape, tape)
     }
 
     /// The latest sample of the episode under way.
@@ -236,6 +218,9 @@ impl<R: Guarded> Env<R> {
         let error = pose_error_vector_part(&start.base_T_believed, &measurement.base_T_tool);
         // The reference starts at the set-point, which the lagging arm is on its way to.
         let reference = self.robot.chain().forward(&measurement.state.q_target);
+        if let Some(tape) = &mut self.tape {
+            tape.begin(number, &start, &measurement.state);
+        }
         self.controller.reset();
         self.observer.reset();
         self.observer.look(&measurement, &start.base_T_believed, &[]);
@@ -262,6 +247,10 @@ impl<R: Guarded> Env<R> {
         self.controller.set_gains(&decoded.gains)?;
         let mut episode = self.episode.take().filter(|e| !e.over).ok_or(EnvError::NoEpisode)?;
         episode.steps += 1;
+        if let Some(tape) = &mut self.tape {
+            let time = episode.measurement.state.time;
+            tape.act(action, Beat { time, decoded, reward: RewardTerms::default() });
+        }
         let dt = self.robot.period().as_secs_f64();
         let verdicts_before = self.robot.ledger().counts();
         let (mut end, mut withheld, mut ticks) = (None, Vector6::zeros(), 0.0);
@@ -280,7 +269,12 @@ impl<R: Guarded> Env<R> {
             let x_c = integrate(&from, &twist, dt);
             let verdict = self.robot.command(&x_c).map_err(EnvError::Robot)?;
             // A shield may have slowed or braked: what follows starts from where that led.
-            let governed = self.robot.decision().and_then(|decision| decision.governed);
+            let decision = self.robot.decision();
+            let governed = decision.and_then(|decision| decision.governed);
+            if let Some(tape) = &mut self.tape {
+                let cause = decision.map_or_else(|| verdict.cause(), |decision| decision.cause);
+                tape.tick(&Tick { measurement: m, base_T_command: x_c, cause });
+            }
             let led_to = match verdict {
                 Verdict::Accepted => governed.unwrap_or(x_c),
                 _ => governed.unwrap_or(from),
@@ -347,7 +341,12 @@ impl<R: Guarded> Env<R> {
         while self.robot.standing() != Standing::AtRest {
             let sample = self.robot.brake().and_then(|_| self.robot.sense());
             match sample {
-                Ok(sample) => episode.observe_peak(&sample),
+                Ok(sample) => {
+                    episode.observe_peak(&sample);
+                    if let Some(tape) = &mut self.tape {
+                        tape.tick(&Tick::at_rest(&sample, Some(Cause::Stopped)));
+                    }
+                }
                 Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => {
                     self.rebuilt += 1;
                     tracing::warn!(episode = episode.number, error = %e, "simulator fault at rest; rebuilding");
@@ -374,6 +373,12 @@ impl<R: Guarded> Env<R> {
             let period = self.robot.period().as_secs_f64();
             episode.summary(o, period, distance, self.robot.tally(), verdicts)
         });
+        if let Some(tape) = &mut self.tape {
+            tape.reward(reward);
+            if let Some(summary) = &summary {
+                tape.end(summary, &episode.measurement);
+            }
+        }
         episode.over = outcome.is_some();
         let terminated = outcome.is_some() && !truncated;
         self.episode = Some(episode);
@@ -391,21 +396,5 @@ impl<R: Guarded> Env<R> {
 
     fn true_distance(&self, base_T_tool: &Pose) -> f64 {
         (self.task.base_T_goal().translation.vector - base_T_tool.translation.vector).norm()
-    }
-}
-
-/// From one pose to another, base axes: m, and rad as a rotation vector.
-fn displacement(from: &Pose, to: &Pose) -> Vector6 {
-    let linear = to.translation.vector - from.translation.vector;
-    let angular = (to.rotation * from.rotation.inverse()).scaled_axis();
-    Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
-}
-
-/// A tool that does not come free or a simulation that broke down: what a fresh world mends, if there can be one.
-fn is_stuck<R: Guarded>(error: &EnvError<R::Error>) -> bool {
-    match error {
-        EnvError::Robot(e) => R::fault(e) == Some(FaultKind::Simulation),
-        EnvError::ResetForce(_) | EnvError::ResetRefused(_) | EnvError::AskHuman { .. } => true,
-        _ => false,
     }
 }

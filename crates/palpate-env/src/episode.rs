@@ -131,3 +131,10 @@ impl Episode {
         }
     }
 }
+
+/// From one pose to another, base axes: m, and rad as a rotation vector.
+pub(crate) fn displacement(from: &Pose, to: &Pose) -> Vector6 {
+    let linear = to.translation.vector - from.translation.vector;
+    let angular = (to.rotation * from.rotation.inverse()).scaled_axis();
+    Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+}

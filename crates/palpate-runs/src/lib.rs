@@ -14,6 +14,26 @@
 //! └── lock               held by the process that writes
 //! ```
 //!
+//! ```
+//! use palpate_runs::{Csv, Mark, Metrics, RunDir, Slot};
+//!
+//! # fn main() -> Result<(), palpate_runs::RunError> {
+//! # let place = tempfile::tempdir().unwrap();
+//! # let out = place.path().join("demo");
+//! let run = RunDir::create(Some(&out), "demo", "seed = 1\n")?;
+//! let mut metrics = Metrics::open(&run, &["step", "loss"], Mark::default())?;
+//! for step in 0..100u32 {
+//!     metrics.write(step.into(), &[Some(step.into()), Some(1.0 / f64::from(step + 1))])?;
+//! }
+//! metrics.sync()?;
+//! // Whole or not at all, whatever happens while it is written.
+//! run.checkpoints()?.save(Slot::Step(100), |dir| Ok(std::fs::write(dir.join("net"), "…")?))?;
+//! let losses = Csv::read(&out.join("metrics.csv"))?.points("step", "loss")?;
+//! assert_eq!(losses.last(), Some(&(99.0, 0.01)));
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! The crate knows no robot and no learner: callers name the columns and write the checkpoints' files.
 
 mod checkpoint;

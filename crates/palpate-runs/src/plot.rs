@@ -5,6 +5,7 @@
 use kuva::backend::svg::SvgBackend;
 use kuva::plot::annotations::ReferenceLine;
 use kuva::plot::band::BandPlot;
+use kuva::plot::scatter::ScatterPlot;
 use kuva::plot::{LegendPosition, LinePlot};
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
@@ -78,7 +79,28 @@ pub fn draw(panel: &Panel, curves: &[Curve]) -> Option<String> {
     }
     // Bands first: no line disappears under another's band.
     bands.append(&mut lines);
-    let mut layout = Layout::auto_from_plots(&bands)
+    Some(render(panel, bands))
+}
+
+/// Draws every run's points as dots, a colour per curve; `None` if there is no point.
+pub fn scatter(panel: &Panel, curves: &[Curve]) -> Option<String> {
+    let mut dots = Vec::new();
+    for (curve, colour) in curves.iter().zip(COLOURS.iter().cycle()) {
+        let finite = |(x, y): &&(f64, f64)| x.is_finite() && y.is_finite();
+        let points: Vec<_> = curve.runs.iter().flatten().filter(finite).copied().collect();
+        if points.is_empty() {
+            continue;
+        }
+        let plot = ScatterPlot::new().with_data(points).with_color(*colour).with_size(3.5);
+        let plot = plot.with_marker_opacity(0.55).with_legend(curve.label.clone());
+        dots.push(Plot::Scatter(plot));
+    }
+    (!dots.is_empty()).then(|| render(panel, dots))
+}
+
+/// The panel around its plots.
+fn render(panel: &Panel, plots: Vec<Plot>) -> String {
+    let mut layout = Layout::auto_from_plots(&plots)
         .with_title(panel.title.clone())
         .with_x_label(panel.x_label.clone())
         .with_y_label(panel.y_label.clone())
@@ -93,7 +115,7 @@ pub fn draw(panel: &Panel, curves: &[Curve]) -> Option<String> {
         let line = ReferenceLine::horizontal(*y).with_color(REFERENCE).with_label(label.clone());
         layout = layout.with_reference_line(line);
     }
-    Some(SvgBackend::new().render_scene(&render_multiple(bands, layout)))
+    SvgBackend::new().render_scene(&render_multiple(plots, layout))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -201,6 +223,14 @@ mod tests {
         {
             assert!(svg.contains(text), "{text}");
         }
+    }
+
+    #[test]
+    fn dots_are_drawn_where_they_are_finite() {
+        let curve = |points| Curve { label: "peaks".into(), runs: vec![points] };
+        let svg = scatter(&Panel::default(), &[curve(vec![(1.0, 2.0), (2.0, f64::NAN)])]).unwrap();
+        assert!(svg.contains("peaks") && svg.contains(COLOURS[0]), "{svg}");
+        assert_eq!(scatter(&Panel::default(), &[curve(vec![(2.0, f64::NAN)])]), None);
     }
 
     #[test]

@@ -17,6 +17,18 @@ pub enum Verdict {
     ForceExceeded(Excess),
 }
 
+impl Verdict {
+    /// Why it was not simply accepted, as far as a verdict alone tells: a shield's
+    /// [`Decision`](crate::shield::Decision) says more.
+    pub fn cause(&self) -> Option<Cause> {
+        match self {
+            Self::Accepted => None,
+            Self::Refused(refusal) => Some(refusal.cause().0),
+            Self::ForceExceeded(_) => Some(Cause::ForceSoft),
+        }
+    }
+}
+
 /// Why a command was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]

@@ -1,8 +1,11 @@
-//! The commands that look at this computer and at the software, rather than at a policy.
+//! The commands that look at this computer, at the software and after run directories.
+
+use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use palpate::config::Choice;
 use palpate::real::{Probe, probe, soak};
+use palpate::runs;
 
 /// `rt-probe`.
 #[derive(Debug, Args)]
@@ -76,4 +79,55 @@ impl Soak {
 /// Counts what a closure takes from the heap on this thread.
 fn allocations(job: &mut dyn FnMut()) -> u64 {
     allocation_counter::measure(job).count_total
+}
+
+/// `runs`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Runs {
+    /// List the runs of a folder: task, model, seed, steps, success of the latest evaluation, state.
+    List {
+        /// Folder that holds runs.
+        #[arg(default_value = "runs")]
+        folder: PathBuf,
+    },
+    /// Read every byte of a run and say of each part whether it is whole. Changes nothing.
+    Verify {
+        /// Run directory.
+        run: PathBuf,
+    },
+    /// Save what can be saved: damaged checkpoints go to damaged/, half rows and records are cut, config.toml
+    /// comes back from a checkpoint.
+    Repair {
+        /// Run directory; nobody may be writing it.
+        run: PathBuf,
+    },
+    /// Copy a run, also while it is being trained: only whole checkpoints. The copy can be continued by itself.
+    Copy {
+        /// Run directory.
+        run: PathBuf,
+        /// Folder to create.
+        to: PathBuf,
+    },
+    /// Write every transition as CSV: step, flags, reward, observation, action, next observation.
+    ///
+    /// Of a run on an arm all that its journal holds; of a simulated run the replay of its last checkpoint.
+    Export {
+        /// Run directory.
+        run: PathBuf,
+        /// CSV file to create.
+        to: PathBuf,
+    },
+}
+
+impl Runs {
+    pub(crate) fn run(self) -> anyhow::Result<()> {
+        let out = &mut std::io::stdout();
+        match self {
+            Self::List { folder } => runs::show(&folder, out),
+            Self::Verify { run } => runs::verify(&run, out),
+            Self::Repair { run } => runs::mend(&run, out),
+            Self::Copy { run, to } => runs::duplicate(&run, &to, out),
+            Self::Export { run, to } => runs::export(&run, &to, out),
+        }
+    }
 }

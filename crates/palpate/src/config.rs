@@ -11,6 +11,8 @@ use palpate_safety::SafetyConfig;
 use palpate_sim::{SimArm, SimConfig};
 use palpate_ur::UrConfig;
 
+use crate::record::RecordConfig;
+
 macro_rules! assets {
     ($folder:literal, $extension:literal: $($name:literal),+ $(,)?) => {
         &[$(($name, include_str!(concat!("../../../assets/", $folder, "/", $name, ".", $extension)))),+]
@@ -69,6 +71,9 @@ pub struct Config {
     pub sac: SacConfig,
     /// The simulator.
     pub sim: SimConfig,
+    /// Which episodes of a training are recorded; a run without the key is from before there were recordings.
+    #[serde(default)]
+    pub record: RecordConfig,
     /// The real arm, for the commands that move one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ur: Option<UrConfig>,
@@ -247,6 +252,7 @@ impl Config {
         self.policy.validate(&self.control)?;
         self.sac.validate()?;
         self.sim.validate()?;
+        self.record.validate()?;
         if let Some(ur) = &self.ur {
             ur.validate()?;
         }

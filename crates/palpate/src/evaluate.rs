@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{IsTerminal as _, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use palpate_env::{Env, Outcome, Summary};
@@ -12,11 +12,17 @@ use palpate_sac::Policy;
 use palpate_safety::{Counts, Guarded, Tally};
 
 use crate::baselines::Actor;
+use crate::record::Recorder;
 use crate::stack::{Purpose, sim_env};
 use crate::{Config, interrupt};
 
 /// Seed of the episodes when none is given: fresh ones, the same for every run.
 pub const DEFAULT_SEED: u64 = 1000;
+
+/// Episodes of every policy that are recorded, however they end.
+const FIRST: u64 = 3;
+/// Most episodes of a policy that are recorded.
+const MOST: usize = 10;
 
 /// What to evaluate.
 #[derive(Clone, Debug)]
@@ -29,6 +35,8 @@ pub struct Options {
     pub set: Vec<String>,
     /// Sample actions instead of taking the mean.
     pub stochastic: bool,
+    /// Folder for recordings of every policy's first episodes and of those that failed.
+    pub record: Option<PathBuf>,
 }
 
 /// One policy on all episodes.
@@ -93,12 +101,31 @@ pub fn run(
     actors.push(("a = 0", Actor::zero(dim)));
     actors.push(("uniform random", Actor::random(dim, options.seed)));
     actors.push(("scripted", Actor::scripted(&config, dim)));
+    let mut recorder = match &options.record {
+        Some(folder) => {
+            let recorder = Recorder::new(&config, folder)?;
+            recorder.load(&mut env);
+            Some(recorder)
+        }
+        None => None,
+    };
     let mut rows = Vec::new();
     for (name, mut actor) in actors {
-        let summaries = rollouts(&mut env, &mut actor, options.episodes, |n| progress(name, n))?;
+        let mut kept = 0;
+        let summaries = rollouts(&mut env, &mut actor, options.episodes, |env, summary| {
+            let telling = summary.episode < FIRST || summary.outcome != Outcome::Success;
+            if let Some(recorder) = recorder.as_mut().filter(|_| telling && kept < MOST) {
+                recorder.keep_as(env, name);
+                kept += 1;
+            }
+            progress(name, summary.episode + 1);
+        })?;
         rows.push(Row::new(name, &summaries));
     }
-    Ok(rows)
+    match recorder.map_or_else(Vec::new, Recorder::finish) {
+        lost if lost.is_empty() => Ok(rows),
+        lost => anyhow::bail!("{}", lost.join("\n")),
+    }
 }
 
 /// Runs episodes 0 … n−1 with one policy. An interrupt ends it early, at an episode's end.
@@ -106,7 +133,7 @@ pub fn rollouts<R: Guarded>(
     env: &mut Env<R>,
     actor: &mut Actor,
     episodes: u64,
-    mut done: impl FnMut(u64),
+    mut done: impl FnMut(&mut Env<R>, &Summary),
 ) -> anyhow::Result<Vec<Summary>> {
     let mut summaries = Vec::with_capacity(episodes as usize);
     for episode in 0..episodes {
@@ -116,11 +143,11 @@ pub fn rollouts<R: Guarded>(
         loop {
             let action = actor.act(env).to_vec();
             if let Some(summary) = env.step(&action)?.summary {
+                done(env, &summary);
                 summaries.push(summary);
                 break;
             }
         }
-        done(episode + 1);
         if interrupt::requested() {
             break;
         }

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use palpate::config::Choice;
 use palpate::real::{self, Address};
-use palpate::{evaluate, interrupt, plot, runs, train, virtual_ur};
+use palpate::{evaluate, interrupt, plot, report, train, virtual_ur};
 
 /// Teach a position-controlled robot arm to feel its way.
 ///
@@ -66,46 +66,14 @@ enum Command {
     /// From ledger.csv of the run, one row per event: cause, time in the episode, ticks in a row, distance to the limit,
     /// place of the tool, wrench, proposed and executed joints.
     Ledger(Ledger),
+    /// Tell the story of one or more runs on one page of HTML that needs no network.
+    ///
+    /// Curves, force against its limit, gains by phase, what the fail-safe layer did and where, the policy before and
+    /// after training, configuration and provenance. Several runs are compared.
+    Report(report::Options),
     /// Look after run directories: list, verify, repair, copy, export.
     #[command(subcommand)]
-    Runs(Runs),
-}
-
-#[derive(Debug, Subcommand)]
-enum Runs {
-    /// List the runs of a folder: task, model, seed, steps, success of the latest evaluation, state.
-    List {
-        /// Folder that holds runs.
-        #[arg(default_value = "runs")]
-        folder: PathBuf,
-    },
-    /// Read every byte of a run and say of each part whether it is whole. Changes nothing.
-    Verify {
-        /// Run directory.
-        run: PathBuf,
-    },
-    /// Save what can be saved: damaged checkpoints go to damaged/, half rows and records are cut, config.toml
-    /// comes back from a checkpoint.
-    Repair {
-        /// Run directory; nobody may be writing it.
-        run: PathBuf,
-    },
-    /// Copy a run, also while it is being trained: only whole checkpoints. The copy can be continued by itself.
-    Copy {
-        /// Run directory.
-        run: PathBuf,
-        /// Folder to create.
-        to: PathBuf,
-    },
-    /// Write every transition as CSV: step, flags, reward, observation, action, next observation.
-    ///
-    /// Of a run on an arm all that its journal holds; of a simulated run the replay of its last checkpoint.
-    Export {
-        /// Run directory.
-        run: PathBuf,
-        /// CSV file to create.
-        to: PathBuf,
-    },
+    Runs(commands::Runs),
 }
 
 #[derive(Debug, Args)]
@@ -248,6 +216,9 @@ struct Evaluate {
     /// Sample the policy's actions instead of taking their mean.
     #[arg(long)]
     stochastic: bool,
+    /// Record every policy's first 3 episodes and those that failed, at most 10 of each, as MCAP in this folder.
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
     /// Print JSON instead of a table.
     #[arg(long)]
     json: bool,
@@ -341,19 +312,12 @@ fn run(command: Command) -> anyhow::Result<()> {
                 seed: args.seed,
                 set: args.set,
                 stochastic: args.stochastic,
+                record: args.record,
             },
             args.json,
         ),
-        Command::Runs(what) => {
-            let out = &mut std::io::stdout();
-            match what {
-                Runs::List { folder } => runs::show(&folder, out),
-                Runs::Verify { run } => runs::verify(&run, out),
-                Runs::Repair { run } => runs::mend(&run, out),
-                Runs::Copy { run, to } => runs::duplicate(&run, &to, out),
-                Runs::Export { run, to } => runs::export(&run, &to, out),
-            }
-        }
+        Command::Report(options) => report::command(&options),
+        Command::Runs(what) => what.run(),
         Command::Ledger(args) => {
             palpate::ledger::command(&args.run, args.json, &mut std::io::stdout().lock())
         }

@@ -110,13 +110,13 @@ pub fn run(runs: &[PathBuf], out: Option<&Path>, ema: f64) -> anyhow::Result<Vec
 }
 
 /// Runs that differ in their seed and length alone.
-struct Group {
-    label: String,
+pub(crate) struct Group {
+    pub(crate) label: String,
     config: Config,
-    runs: Vec<PathBuf>,
+    pub(crate) runs: Vec<PathBuf>,
 }
 
-fn grouped(runs: &[PathBuf]) -> anyhow::Result<Vec<Group>> {
+pub(crate) fn grouped(runs: &[PathBuf]) -> anyhow::Result<Vec<Group>> {
     let mut groups: Vec<Group> = Vec::new();
     for run in runs {
         RunDir::view(run)?;

@@ -36,6 +36,8 @@ const MAY_NEED: &[(&str, &[&str])] = &[
     // The learner knows no robot, the run directory neither.
     ("palpate-sac", &[]),
     ("palpate-runs", &[]),
+    // Neither does a recording: frames, shapes and numbers.
+    ("palpate-record", &["palpate-spatial"]),
     ("palpate", ANY),
     ("palpate-examples", ANY),
     // It shells out: `cargo xtask` must build in seconds.
@@ -59,6 +61,7 @@ const LIGHT: &[&str] = &[
     "palpate-robot-io",
     "palpate-safety",
     "palpate-env",
+    "palpate-record",
     "xtask",
 ];
 

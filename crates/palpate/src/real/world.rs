@@ -185,16 +185,17 @@ impl World for RealTime {
         Ok(Some(trials.result(pupil.progress.step)))
     }
 
-    fn end(self) -> Option<serde_json::Value> {
+    fn end(self) -> (Option<serde_json::Value>, Vec<String>) {
         let (faults, realtime) = (self.faults, self.arm.realtime.clone());
         let background = self.background;
-        let stats = self.arm.release()?;
-        Some(serde_json::json!({
+        let Some(stats) = self.arm.release() else { return (None, Vec::new()) };
+        let link = serde_json::json!({
             "stops_cleared_by_a_person": faults,
             "scheduling": realtime.to_string(),
             "learner": background.to_string(),
             "ticks": stats,
             "commands_taken": stats.success_rate(),
-        }))
+        });
+        (Some(link), Vec::new())
     }
 }

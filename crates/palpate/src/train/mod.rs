@@ -36,6 +36,7 @@ pub fn start(choice: &Choice, out: Option<&Path>) -> anyhow::Result<()> {
     let world = simulation(&config, 0)?;
     let (observation, action) = world.dims();
     let agent = Sac::new(&config.sac, observation, action, config.run.seed)?;
+    let world = world.recorded(&config, dir.path())?;
     run(world, Pupil::new(config, dir, agent, Progress::default(), "train-sim")?)
 }
 
@@ -57,6 +58,7 @@ pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<()> {
         Some(agent) => agent,
         None => Sac::new(&config.sac, observation, action, config.run.seed)?,
     };
+    let world = world.recorded(&config, dir.path())?;
     run(world, Pupil::new(config, dir, agent, progress, "train-sim")?)
 }
 
@@ -98,7 +100,11 @@ fn simulation(
 ) -> anyhow::Result<Lockstep<palpate_safety::Safe<palpate_sim::SimArm>>> {
     let mut env = sim_env(config, config.run.seed, Purpose::Train)?;
     env.set_next_episode(next_episode);
-    Ok(Lockstep { env, monitor: sim_env(config, config.run.seed, Purpose::Monitor)? })
+    Ok(Lockstep {
+        env,
+        monitor: sim_env(config, config.run.seed, Purpose::Monitor)?,
+        recorder: None,
+    })
 }
 
 /// The loop: episodes, and between them what is due.
@@ -122,6 +128,9 @@ pub(crate) fn run(mut world: impl World, mut pupil: Pupil) -> anyhow::Result<()>
             pupil.checkpoint()?;
         }
     }
-    let link = world.end();
+    let (link, lost) = world.end();
+    for what in lost {
+        pupil.console.note(&format!("warning: {what}"));
+    }
     pupil.finish(started.elapsed().as_secs_f64(), link)
 }

@@ -1,14 +1,18 @@
 //! Where experience comes from.
 
-use palpate_env::Env;
+use std::path::Path;
+
+use palpate_env::{Env, Outcome};
 use palpate_sac::Mode;
 use palpate_safety::{Entry, Guarded};
 
 use super::lesson::Lesson;
 use super::pupil::Pupil;
 use super::trials::Trials;
+use crate::Config;
 use crate::baselines::Actor;
 use crate::progress::Evaluation;
+use crate::record::{self, Kind, Recorder};
 
 /// Something that makes episodes and gives every step of them to the pupil.
 pub(crate) trait World {
@@ -21,8 +25,8 @@ pub(crate) trait World {
     /// How good the policy is now, on the same starts every time; `None` if it could not be measured to the end.
     fn evaluate(&mut self, pupil: &mut Pupil) -> anyhow::Result<Option<Evaluation>>;
 
-    /// Lets go of the arm. What summary.json says about the link, if there is one.
-    fn end(self) -> Option<serde_json::Value>;
+    /// Lets go of the arm. What summary.json says about the link, if there is one, and what could not be recorded.
+    fn end(self) -> (Option<serde_json::Value>, Vec<String>);
 }
 
 /// A world whose time stands still while the learner learns.
@@ -32,12 +36,27 @@ pub(crate) struct Lockstep<R: Guarded> {
     pub(crate) env: Env<R>,
     /// Frozen starts of the evaluations.
     pub(crate) monitor: Env<R>,
+    /// Keeps collisions and evaluations.
+    pub(crate) recorder: Option<Recorder>,
 }
 
 impl<R: Guarded> Lockstep<R> {
     /// Length of an observation and of an action.
     pub(crate) fn dims(&self) -> (usize, usize) {
         (self.env.observation_dim(), self.env.action_dim())
+    }
+
+    /// The same, recorded into the run as configured.
+    pub(crate) fn recorded(mut self, config: &Config, run: &Path) -> anyhow::Result<Self> {
+        let recorder = Recorder::new(config, &run.join(record::FOLDER))?;
+        if config.record.collisions > 0 {
+            recorder.load(&mut self.env);
+        }
+        if config.record.evaluations > 0 {
+            recorder.load(&mut self.monitor);
+        }
+        self.recorder = Some(recorder);
+        Ok(self)
     }
 }
 
@@ -58,7 +77,12 @@ impl<R: Guarded> World for Lockstep<R> {
             lesson.write(&self.env, &observation, &action, step);
             observation.clone_from(&lesson.next);
             pupil.take(&lesson)?;
-            if lesson.summary.is_some() {
+            if let Some(summary) = &lesson.summary {
+                if let Some(recorder) = &mut self.recorder
+                    && summary.outcome == Outcome::Collision
+                {
+                    recorder.keep(&mut self.env, Kind::Collision, true);
+                }
                 pupil.progress.rebuilt += self.env.rebuilt() - rebuilt;
                 return Ok(());
             }
@@ -91,11 +115,16 @@ impl<R: Guarded> World for Lockstep<R> {
                     break;
                 }
             }
+            if let Some(recorder) = &mut self.recorder
+                && episode < config.record.evaluations
+            {
+                recorder.keep(&mut self.monitor, Kind::Evaluation(pupil.progress.step), true);
+            }
         }
         Ok(Some(trials.result(pupil.progress.step)))
     }
 
-    fn end(self) -> Option<serde_json::Value> {
-        None
+    fn end(self) -> (Option<serde_json::Value>, Vec<String>) {
+        (None, self.recorder.map_or_else(Vec::new, Recorder::finish))
     }
 }

@@ -1,5 +1,5 @@
 //! What you learn: implement `RobotBackend` for your arm and let the contract suite judge it.
-//! Run: `cargo run --release -p palpate-examples --example 06_your_own_backend`
+//! Run: `cargo run --release -p palpate-examples --example 07_your_own_backend`
 //! You should see: a forgetful first version caught by the suite, the mended one passing.
 #![expect(clippy::print_stdout, reason = "a tutorial speaks")]
 

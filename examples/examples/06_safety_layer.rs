@@ -1,5 +1,5 @@
 //! What you learn: what the fail-safe layer does with good and bad commands.
-//! Run: `cargo run --release -p palpate-examples --example 04_safety_layer`
+//! Run: `cargo run --release -p palpate-examples --example 06_safety_layer`
 //! You should see: one command accepted, three refused with their reasons, and a force stop that latches.
 #![expect(clippy::print_stdout, reason = "a tutorial speaks")]
 

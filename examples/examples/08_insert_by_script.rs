@@ -1,5 +1,5 @@
 //! What you learn: the whole simulated stack behind one environment, driven by a scripted policy.
-//! Run: `cargo run --release -p palpate-examples --example 05_insert_by_script`
+//! Run: `cargo run --release -p palpate-examples --example 08_insert_by_script`
 //! You should see: five insertions in a second or two of robot time each, with their peak forces.
 #![expect(clippy::print_stdout, reason = "a tutorial speaks")]
 

@@ -1,0 +1,192 @@
+//! Recordings of episodes in MCAP, which Foxglove and Rerun open.
+//!
+//! The environment writes each control period onto a tape ([`palpate_env::Tape`]), which takes no memory and waits for
+//! nobody. After an episode that is worth keeping, its tape changes places with an empty one and a thread of its own
+//! turns it into a file. On an arm an episode goes unrecorded if that thread is behind; in simulation it is waited for.
+
+mod episode;
+mod folder;
+mod scene;
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+
+use anyhow::Context as _;
+use palpate_env::{Env, Outcome, Tape};
+use palpate_safety::Guarded;
+
+use crate::Config;
+use crate::stack;
+use episode::Setup;
+
+/// Folder of the recordings in a run.
+pub const FOLDER: &str = "episodes";
+/// Tapes that wait to be written.
+const QUEUE: usize = 2;
+
+/// Which episodes of a training are kept.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordConfig {
+    /// Episodes of the first and of the latest evaluation; 0: none.
+    pub evaluations: u64,
+    /// The latest collisions; 0: none.
+    pub collisions: usize,
+    /// Samples per second, at most the control rate. Frames are told 50 times a second.
+    pub rate: f64,
+}
+
+impl Default for RecordConfig {
+    /// None.
+    fn default() -> Self {
+        Self { evaluations: 0, collisions: 0, rate: 500.0 }
+    }
+}
+
+impl RecordConfig {
+    /// Checks that the numbers make sense.
+    pub fn validate(&self) -> anyhow::Result<()> {
+        if !(self.rate > 0.0 && self.rate.is_finite()) {
+            anyhow::bail!("record.rate is {} Hz, but it must be positive", self.rate);
+        }
+        Ok(())
+    }
+}
+
+/// What an episode was, for the name of its file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Kind<'a> {
+    /// A collision in training.
+    Collision,
+    /// An episode of an evaluation after this many steps.
+    Evaluation(u64),
+    /// An episode of this policy, to be looked at.
+    Policy(&'a str),
+}
+
+impl Kind<'_> {
+    fn name(self, episode: u64, outcome: Outcome) -> String {
+        match self {
+            Kind::Collision => format!("collision_{episode:06}"),
+            Kind::Evaluation(step) => format!("eval_{step:07}_{episode:03}"),
+            Kind::Policy(policy) => {
+                let words: Vec<&str> = policy
+                    .split(|c: char| !c.is_ascii_alphanumeric())
+                    .filter(|word| !word.is_empty())
+                    .collect();
+                let policy = words.join("-");
+                let outcome = match outcome {
+                    Outcome::Success => "success",
+                    Outcome::Collision => "collision",
+                    Outcome::TimeLimit => "time-limit",
+                    Outcome::Fault => "fault",
+                };
+                format!("{policy}_{episode:03}_{outcome}")
+            }
+        }
+    }
+}
+
+struct Job {
+    tape: Box<Tape>,
+    name: String,
+}
+
+/// Writes episodes into a folder, on a thread of its own.
+#[derive(Debug)]
+pub struct Recorder {
+    full: Option<SyncSender<Job>>,
+    /// Tapes to be used again.
+    empty: Receiver<Box<Tape>>,
+    thread: Option<JoinHandle<Vec<String>>>,
+    folder: PathBuf,
+    unrecorded: u64,
+}
+
+impl Recorder {
+    /// A recorder of this configuration's episodes into `folder`, which it creates with the first of them.
+    pub fn new(config: &Config, folder: &Path) -> anyhow::Result<Self> {
+        let (full, jobs) = sync_channel::<Job>(QUEUE);
+        let (done, empty) = sync_channel(QUEUE + 2);
+        let setup = Setup::new(config, stack::chain(&config.robot)?)?;
+        let (place, limits) = (folder.to_owned(), config.record.clone());
+        let work = move || {
+            let mut failures = Vec::new();
+            for Job { tape, name } in jobs {
+                let written = setup.encode(&tape, &name).and_then(|bytes| {
+                    folder::write(&place, &name, &bytes)?;
+                    folder::prune(&place, limits.collisions)
+                });
+                if let Err(e) = written {
+                    failures.push(format!("{name}: {e:#}"));
+                }
+                // Where nobody takes it back, it is not needed any more.
+                _ = done.try_send(tape);
+            }
+            failures
+        };
+        let thread = std::thread::Builder::new().name("recorder".into()).spawn(work);
+        Ok(Self {
+            full: Some(full),
+            empty,
+            thread: Some(thread.context("cannot start the recorder")?),
+            folder: folder.to_owned(),
+            unrecorded: 0,
+        })
+    }
+
+    /// Puts a tape into an environment.
+    pub fn load<R: Guarded>(&self, env: &mut Env<R>) {
+        let tape = env.new_tape();
+        env.swap_tape(Some(tape));
+    }
+
+    /// Keeps the episode that has just ended as one of `policy`, and waits for room if there is none.
+    pub fn keep_as<R: Guarded>(&mut self, env: &mut Env<R>, policy: &str) {
+        self.keep(env, Kind::Policy(policy), true);
+    }
+
+    /// Keeps the episode that has just ended, if its environment was [loaded](Self::load). With `wait` it is surely
+    /// kept; without, this neither waits nor takes more memory than the file's name.
+    pub(crate) fn keep<R: Guarded>(&mut self, env: &mut Env<R>, kind: Kind<'_>, wait: bool) {
+        let Some(full) = &self.full else { return };
+        let Some(tape) = env.swap_tape(None) else { return };
+        let Some(summary) = tape.summary() else {
+            env.swap_tape(Some(tape));
+            return;
+        };
+        let name = kind.name(tape.episode(), summary.outcome);
+        let sent = if wait {
+            full.send(Job { tape, name }).map_err(|e| TrySendError::Disconnected(e.0))
+        } else {
+            full.try_send(Job { tape, name })
+        };
+        let tape = match sent {
+            Ok(()) => self.empty.try_recv().ok(),
+            Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) => {
+                self.unrecorded += 1;
+                Some(job.tape)
+            }
+        };
+        // The first few times no tape has come back yet.
+        let tape = tape.unwrap_or_else(|| env.new_tape());
+        env.swap_tape(Some(tape));
+    }
+
+    /// Waits until all is written. What went wrong, for people; nothing is lost but recordings.
+    pub fn finish(mut self) -> Vec<String> {
+        self.full = None;
+        let mut failures = match self.thread.take().map(JoinHandle::join) {
+            Some(Ok(failures)) => failures,
+            _ => vec!["the recorder broke down".into()],
+        };
+        if self.unrecorded > 0 {
+            failures.push(format!("{} episodes came too fast to be recorded", self.unrecorded));
+        }
+        failures.iter().map(|f| format!("recording into {}: {f}", self.folder.display())).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;
