@@ -155,7 +155,6 @@ fn journaled(out: &Path) -> usize {
 }
 
 #[test]
-#[expect(clippy::zombie_processes, reason = "a test that fails ends the process")]
 fn a_killed_run_has_every_step_but_the_one_in_flight() -> Outcome {
     let (robot, folder) = (robot(|_| {}), tempfile::tempdir()?);
     let out = folder.path().join("run");
