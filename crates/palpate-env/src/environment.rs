@@ -273,7 +273,7 @@ impl<R: Guarded> Env<R> {
             let governed = decision.and_then(|decision| decision.governed);
             if let Some(tape) = &mut self.tape {
                 let cause = decision.map_or_else(|| verdict.cause(), |decision| decision.cause);
-                tape.tick(Tick { measurement: m, base_T_command: x_c, cause });
+                tape.tick(&Tick { measurement: m, base_T_command: x_c, cause });
             }
             let led_to = match verdict {
                 Verdict::Accepted => governed.unwrap_or(x_c),
@@ -344,7 +344,7 @@ impl<R: Guarded> Env<R> {
                 Ok(sample) => {
                     episode.observe_peak(&sample);
                     if let Some(tape) = &mut self.tape {
-                        tape.tick(Tick::at_rest(sample, Some(Cause::Stopped)));
+                        tape.tick(&Tick::at_rest(&sample, Some(Cause::Stopped)));
                     }
                 }
                 Err(e) if R::fault(&e) == Some(FaultKind::Simulation) => {

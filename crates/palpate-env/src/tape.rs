@@ -26,8 +26,8 @@ pub struct Tick {
 
 impl Tick {
     /// A period in which nothing was asked for.
-    pub(crate) fn at_rest(measurement: Measurement, cause: Option<Cause>) -> Self {
-        Self { base_T_command: measurement.base_T_tool, measurement, cause }
+    pub(crate) fn at_rest(measurement: &Measurement, cause: Option<Cause>) -> Self {
+        Self { base_T_command: measurement.base_T_tool, measurement: *measurement, cause }
     }
 }
 
@@ -88,10 +88,10 @@ impl Tape {
         }
     }
 
-    pub(crate) fn tick(&mut self, tick: Tick) {
+    pub(crate) fn tick(&mut self, tick: &Tick) {
         // Never grows: memory is not asked for on the control thread.
         if self.ticks.len() < self.ticks.capacity() {
-            self.ticks.push(tick);
+            self.ticks.push(*tick);
         } else {
             self.missed += 1;
         }
@@ -106,7 +106,7 @@ impl Tape {
     pub(crate) fn end(&mut self, summary: &Summary, last: &Measurement) {
         // The shield's rest comes after the last sample of the episode.
         if self.ticks.last().is_none_or(|tick| tick.measurement.state.time < last.state.time) {
-            self.tick(Tick::at_rest(*last, None));
+            self.tick(&Tick::at_rest(last, None));
         }
         self.summary = Some(summary.clone());
     }

@@ -1,4 +1,5 @@
 //! What is written reads back: by the MCAP library, by protobuf descriptions, by a URDF parser.
+#![expect(clippy::unwrap_used, reason = "helpers of tests")]
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -23,7 +24,9 @@ fn bodies() -> Vec<Body> {
 }
 
 /// Topic, schema name, schema, log time and bytes of every message.
-fn messages(file: &[u8]) -> Vec<(String, String, Vec<u8>, u64, Vec<u8>)> {
+type Message = (String, String, Vec<u8>, u64, Vec<u8>);
+
+fn messages(file: &[u8]) -> Vec<Message> {
     mcap::MessageStream::new(file)
         .unwrap()
         .map(|message| {

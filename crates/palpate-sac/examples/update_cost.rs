@@ -1,14 +1,17 @@
-//! CPU time of one update as a share of what the core could do, measured together.
+//! Time of one update as a share of what the core could do, measured together.
 //!
-//! `cargo run --release -p palpate-sac --example update_cost`
+//! `cargo run --release -p palpate-sac --example update_cost [ROUNDS]`
 //!
-//! Time on the CPU of the calling thread alone (Linux), so that other work on the machine counts only
-//! through caches and clock. The peak is that of independent fused multiply-adds between the updates, at
-//! the vector width of the element-wise loops; matrix products use a wider one where there is one.
+//! One thread: time on the CPU of the calling thread alone (Linux), so that other work on the machine counts
+//! only through caches and clock. Two threads: wall time, beside the wall time of one thread in the same run. The
+//! peak is the best that independent fused multiply-adds on registers reached, with 256-bit and with the
+//! widest vectors, between the updates.
 #![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 #![expect(clippy::print_stdout, reason = "the result of the program")]
 
+use std::fmt::{Display, Formatter};
 use std::hint::black_box;
+use std::time::Instant;
 
 use palpate_sac::{Mode, Ops, Sac, SacConfig, Transition};
 
@@ -16,32 +19,64 @@ const OBSERVATION: usize = 18;
 const ACTION: usize = 14;
 const BATCH: usize = 256;
 const UNITS: usize = 256;
-const ROUNDS: usize = 60;
 
 fn main() {
-    let mut fused = experienced(Ops::Fused);
-    let mut plain = experienced(Ops::Plain);
-    let (mut updates, mut references, mut peaks) = (Vec::new(), Vec::new(), Vec::new());
-    for round in 0..ROUNDS {
+    let rounds = std::env::args().nth(1).map_or(60, |n| n.parse().unwrap());
+    let [mut one, mut two] = [1, 2].map(|threads| experienced(Ops::Fused, threads));
+    let (mut updates, mut peaks) = (Vec::new(), Vec::new());
+    let (mut walls, mut pairs) = (Vec::new(), Vec::new());
+    for _ in 0..rounds {
         peaks.push(peak());
-        updates.push(cpu_seconds(|| fused.update().unwrap()));
-        if round < ROUNDS / 4 {
-            references.push(cpu_seconds(|| plain.update().unwrap()));
-        }
+        let began = Instant::now();
+        updates.push(cpu_seconds(|| one.update().unwrap()));
+        walls.push(began.elapsed().as_secs_f64());
+        let began = Instant::now();
+        two.update().unwrap();
+        pairs.push(began.elapsed().as_secs_f64());
     }
-    let (update, reference, peak) = (median(updates), median(references), median(peaks));
-    let share = work() / peak / update;
+    // Last: once candle's pool has started, it spins beside everything else.
+    let mut plain = experienced(Ops::Plain, 1);
+    let references = (0..rounds / 4).map(|_| cpu_seconds(|| plain.update().unwrap())).collect();
+    let peak = peaks.into_iter().fold(0.0, f64::max);
+    let [update, reference, walls, pairs] = [updates, references, walls, pairs].map(Spread::of);
+    let share = |seconds: f64| 100.0 * work() / peak / seconds;
     println!("peak {:.1} GFLOP/s, update {:.0} MFLOP in matrix products", peak / 1e9, work() / 1e6);
-    println!("update, fused: {:.2} ms of CPU time, {:.0} % of peak", update * 1e3, share * 100.0);
     println!(
-        "update, plain: {:.2} ms on the calling thread, which spins while its pool works",
-        reference * 1e3
+        "fused, one thread: {update} of CPU time, {:.0} % of peak (best {:.0} %)",
+        share(update.median),
+        share(update.best)
     );
+    println!("fused, one thread: {walls} of wall time");
+    println!(
+        "fused, two threads: {pairs} of wall time: {:.2} times one thread (best against best {:.2})",
+        walls.median / pairs.median,
+        walls.best / pairs.best
+    );
+    println!("plain: {reference} on the calling thread, which spins while its pool works");
 }
 
-fn experienced(ops: Ops) -> Sac {
+struct Spread {
+    best: f64,
+    median: f64,
+}
+
+impl Spread {
+    fn of(mut values: Vec<f64>) -> Self {
+        values.sort_by(f64::total_cmp);
+        Self { best: values[0], median: values[values.len() / 2] }
+    }
+}
+
+impl Display for Spread {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.2} ms (best {:.2})", self.median * 1e3, self.best * 1e3)
+    }
+}
+
+fn experienced(ops: Ops, threads: usize) -> Sac {
     let config = SacConfig {
         ops,
+        threads,
         hidden: vec![UNITS, UNITS],
         batch_size: BATCH,
         updates_per_step: 1,
@@ -88,9 +123,17 @@ fn peak() -> f64 {
 }
 
 fn chains<const CHAINS: usize>() -> f64 {
-    let mut operations = 0;
-    let seconds = cpu_seconds(|| operations = pulp::Arch::new().dispatch(Chains::<CHAINS>));
-    operations as f64 / seconds
+    let rate = |run: &dyn Fn() -> usize| {
+        let mut operations = 0;
+        let seconds = cpu_seconds(|| operations = run());
+        operations as f64 / seconds
+    };
+    let widest = rate(&|| pulp::Arch::new().dispatch(Chains::<CHAINS>));
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = pulp::x86::V3::try_new() {
+        return widest.max(rate(&|| pulp::Simd::vectorize(simd, Chains::<CHAINS>)));
+    }
+    widest
 }
 
 struct Chains<const CHAINS: usize>;
@@ -101,7 +144,7 @@ impl<const CHAINS: usize> pulp::WithSimd for Chains<CHAINS> {
     // Compiled for the vector unit only inside its caller.
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, simd: S) -> usize {
-        const TURNS: usize = 3_000_000;
+        const TURNS: usize = 300_000;
         let (a, b) = (simd.splat_f32s(black_box(0.999_9)), simd.splat_f32s(black_box(1e-4)));
         let mut sums = [simd.splat_f32s(black_box(1.0)); CHAINS];
         for _ in 0..TURNS {
@@ -126,9 +169,4 @@ fn on_cpu() -> f64 {
     std::thread::yield_now();
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
     text.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

@@ -5,7 +5,7 @@ use rand::Rng;
 
 use crate::error::{check_length, check_vector};
 use crate::learner::{Batch, Learner};
-use crate::replay::Replay;
+use crate::replay::{Replay, Return};
 use crate::rng::{Streams, fill_normal};
 use crate::{LearnFrom, Policy, SacConfig, SacError, Transition, UpdateStats};
 
@@ -125,6 +125,13 @@ impl Sac {
         if self.replay.len() < self.config.start_training {
             return Ok(None);
         }
+        let team = self.learner.team();
+        let mean = team.enter(|| self.updates_of_a_step())?;
+        self.learner.actor.copy_parameters(self.policy.parameters_mut())?;
+        Ok(Some(mean))
+    }
+
+    fn updates_of_a_step(&mut self) -> Result<UpdateStats, SacError> {
         let mut mean = UpdateStats::default();
         for _ in 0..self.config.updates_per_step {
             let batch = self.draw_batch()?;
@@ -132,31 +139,30 @@ impl Sac {
             self.updates += 1;
             mean.add(&stats, 1.0 / self.config.updates_per_step as f32);
         }
-        self.learner.actor.copy_parameters(self.policy.parameters_mut())?;
-        Ok(Some(mean))
+        Ok(mean)
     }
 
     fn draw_batch(&mut self) -> Result<Batch, SacError> {
         let SacConfig { batch_size: rows, n_step, gamma, reward_scale, learn_from, .. } =
             self.config;
         let (o, a) = (self.observation_dim, self.action_dim);
-        let mut observation = Vec::with_capacity(rows * o);
-        let mut action = Vec::with_capacity(rows * a);
-        let mut reward = Vec::with_capacity(rows);
-        let mut discount = Vec::with_capacity(rows);
-        let mut bootstrap_observation = Vec::with_capacity(rows * o);
-        for _ in 0..rows {
-            let slot = self.replay.draw(&mut self.streams.replay);
-            let r = self.replay.n_step(slot, n_step, gamma);
-            observation.extend_from_slice(self.replay.observation(slot));
-            action.extend_from_slice(match learn_from {
-                LearnFrom::Proposed => self.replay.action(slot),
-                LearnFrom::Executed => self.replay.executed(slot),
-            });
-            reward.push((reward_scale * r.reward) as f32);
-            discount.push(r.discount as f32);
-            bootstrap_observation.extend_from_slice(self.replay.next_observation(r.slot));
-        }
+        // One column after the other: reads that do not wait for each other hide the distance to memory.
+        let Self { replay, streams, .. } = self;
+        let slots: Vec<usize> = (0..rows).map(|_| replay.draw(&mut streams.replay)).collect();
+        let returns: Vec<Return> =
+            slots.iter().map(|slot| replay.n_step(*slot, n_step, gamma)).collect();
+        let observation = gather(rows * o, slots.iter().map(|slot| replay.observation(*slot)));
+        let action = gather(
+            rows * a,
+            slots.iter().map(|slot| match learn_from {
+                LearnFrom::Proposed => replay.action(*slot),
+                LearnFrom::Executed => replay.executed(*slot),
+            }),
+        );
+        let bootstrap_observation =
+            gather(rows * o, returns.iter().map(|r| replay.next_observation(r.slot)));
+        let reward = returns.iter().map(|r| (reward_scale * r.reward) as f32).collect();
+        let discount = returns.iter().map(|r| r.discount as f32).collect();
         let mut noise = || {
             let mut noise = vec![0.0; rows * a];
             fill_normal(&mut self.streams.update, &mut noise);
@@ -167,8 +173,8 @@ impl Sac {
             actor_noise: noise()?,
             observation: Tensor::from_vec(observation, (rows, o), &Device::Cpu)?,
             action: Tensor::from_vec(action, (rows, a), &Device::Cpu)?,
-            reward: Tensor::from_vec(reward, rows, &Device::Cpu)?,
-            discount: Tensor::from_vec(discount, rows, &Device::Cpu)?,
+            reward: Tensor::from_vec::<_, f32>(reward, rows, &Device::Cpu)?,
+            discount: Tensor::from_vec::<_, f32>(discount, rows, &Device::Cpu)?,
             bootstrap_observation: Tensor::from_vec(
                 bootstrap_observation,
                 (rows, o),
@@ -230,4 +236,13 @@ impl Sac {
     pub fn action_dim(&self) -> usize {
         self.action_dim
     }
+}
+
+/// Rows one after the other, `size` numbers together.
+fn gather<'a>(size: usize, rows: impl Iterator<Item = &'a [f32]>) -> Vec<f32> {
+    let mut values = Vec::with_capacity(size);
+    for row in rows {
+        values.extend_from_slice(row);
+    }
+    values
 }

@@ -8,7 +8,7 @@ use crate::SacError;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Ops {
-    /// One hand-written operation per network: several times faster, one thread.
+    /// One hand-written operation per network: several times faster.
     Fused,
     /// Ordinary candle operations: the reference that the fused ones are checked against.
     Plain,
@@ -80,6 +80,10 @@ impl From<TargetEntropy> for EntropyKey {
 pub struct SacConfig {
     /// Which implementation of the networks.
     pub ops: Ops,
+    /// Threads of an update with [`Ops::Fused`]: 1 or 2, or 0 for as many of these as there are cores. No
+    /// result depends on it. Files from before this key are read as 0.
+    #[serde(default)]
+    pub threads: usize,
     /// Units of each hidden layer, actor and critics alike.
     pub hidden: Vec<usize>,
     /// LayerNorm without affine part on the critics' hidden pre-activations (not in the paper).
@@ -126,6 +130,7 @@ impl Default for SacConfig {
     fn default() -> Self {
         Self {
             ops: Ops::Fused,
+            threads: 0,
             hidden: vec![256, 256],
             critic_layer_norm: true,
             gamma: 0.98,
@@ -151,6 +156,12 @@ impl Default for SacConfig {
 }
 
 impl SacConfig {
+    /// How many threads an update uses on this machine.
+    pub(crate) fn update_threads(&self) -> usize {
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        if self.threads == 0 { cores().min(2) } else { self.threads }
+    }
+
     /// Refuses values that cannot work, naming the key.
     ///
     /// # Errors
@@ -162,6 +173,10 @@ impl SacConfig {
                 "hidden",
                 format!("needs layers of at least one unit, got {:?}", self.hidden),
             );
+        }
+        if self.threads > 2 {
+            let got = self.threads;
+            return refuse("threads", format!("an update runs on 1 or 2 (0: by cores), got {got}"));
         }
         for (key, value) in [
             ("n_step", self.n_step),
@@ -279,6 +294,7 @@ mod tests {
         assert!(refused(|c| c.hidden = vec![]).contains("hidden"));
         assert!(refused(|c| c.hidden = vec![4, 0]).contains("hidden"));
         assert!(refused(|c| c.batch_size = 0).contains("batch_size"));
+        assert!(refused(|c| c.threads = 3).contains("threads"));
         assert!(refused(|c| c.actor_learning_rate = f64::INFINITY).contains("actor_learning_rate"));
         assert!(refused(|c| c.alpha_learning_rate = f64::NAN).contains("alpha_learning_rate"));
         assert!(refused(|c| c.init_std = 10.0).contains("init_std"));

@@ -44,6 +44,9 @@ pub enum SacError {
         /// Updates done before.
         update: u64,
     },
+    /// The threads of an update could not be started.
+    #[error("cannot start two threads ({0}); sac.threads = 1 needs none")]
+    Threads(String),
     /// A tensor operation failed.
     #[error("tensor operation failed")]
     Tensor(#[from] candle_core::Error),

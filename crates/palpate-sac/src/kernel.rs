@@ -1,25 +1,21 @@
 //! Loops over activations and parameters, compiled for the vector unit of the machine at hand.
 //!
 //! Every sum runs in a fixed order (sixteen running sums, folded pairwise) and nothing is contracted
-//! into fused multiply-adds, so an instruction set changes the speed and not one bit.
+//! into fused multiply-adds, so an instruction set changes the speed and not one bit. Matrix products
+//! are in [`product`](crate::product).
+#![expect(
+    clippy::inline_always,
+    reason = "code is compiled for the vector unit only inside its caller"
+)]
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
-
-const LANES: usize = 16;
-/// Added to the variance, as in torch.nn.LayerNorm.
-pub(crate) const NORM_EPSILON: f32 = 1e-5;
+use crate::lanes::{LANES, Lanes};
 
 /// Runs `work` with the widest vector instructions the machine has.
-fn vectorised<R>(work: impl FnOnce() -> R) -> R {
+pub(crate) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
 /// Σ f(aᵢ, bᵢ).
-#[expect(
-    clippy::inline_always,
-    reason = "code is compiled for the vector unit only inside its caller"
-)]
 #[inline(always)]
 fn sum(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
     let mut lanes = [0.0; LANES];
@@ -32,6 +28,12 @@ fn sum(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
     for (lane, (x, y)) in a_rest.iter().zip(b_rest).enumerate() {
         lanes[lane] += f(*x, *y);
     }
+    fold(lanes)
+}
+
+/// The sum of all lanes, pairwise.
+#[inline(always)]
+pub(crate) fn fold(mut lanes: Lanes) -> f32 {
     let mut width = LANES / 2;
     while width > 0 {
         for lane in 0..width {
@@ -42,47 +44,23 @@ fn sum(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f32 {
     lanes[0]
 }
 
+/// Σ aᵢ bᵢ.
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    vectorised(
+        #[inline(always)]
+        || sum(a, b, |x, y| x * y),
+    )
+}
+
 /// Σ xᵢ².
 pub(crate) fn sum_of_squares(x: &[f32]) -> f32 {
-    vectorised(|| sum(x, x, |x, y| x * y))
-}
-
-/// A row-major matrix, or its transpose.
-#[derive(Clone, Copy)]
-pub(crate) struct Matrix<'a>(MatRef<'a, f32>);
-
-impl<'a> Matrix<'a> {
-    pub(crate) fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
-        Self(MatRef::from_row_major_slice(values, rows, columns))
-    }
-
-    pub(crate) fn transposed(self) -> Self {
-        Self(self.0.transpose())
-    }
-}
-
-/// C = A B, row-major, on the calling thread.
-pub(crate) fn multiply(c: &mut [f32], a: Matrix<'_>, b: Matrix<'_>) {
-    let c = MatMut::from_row_major_slice_mut(c, a.0.nrows(), b.0.ncols());
-    matmul(c, Accum::Replace, a.0, b.0, 1.0, Par::Seq);
-}
-
-/// Each row of `z` += bias.
-pub(crate) fn add_bias(z: &mut [f32], bias: &[f32]) {
-    vectorised(|| {
-        for row in z.chunks_exact_mut(bias.len()) {
-            for (z, b) in row.iter_mut().zip(bias) {
-                *z += b;
-            }
-        }
-    });
+    vectorised(
+        #[inline(always)]
+        || sum(x, x, |x, y| x * y),
+    )
 }
 
 /// max(x, 0), except that NaN stays NaN: a ReLU must not hide it.
-#[expect(
-    clippy::inline_always,
-    reason = "code is compiled for the vector unit only inside its caller"
-)]
 #[inline(always)]
 fn positive(x: f32) -> f32 {
     if x < 0.0 { 0.0 } else { x }
@@ -90,92 +68,40 @@ fn positive(x: f32) -> f32 {
 
 /// Each x becomes max(x, 0).
 pub(crate) fn relu(x: &mut [f32]) {
-    for x in x {
-        *x = positive(*x);
-    }
-}
-
-/// Each row of `z` becomes max(z + bias, 0).
-pub(crate) fn bias_relu(z: &mut [f32], bias: &[f32]) {
-    vectorised(|| {
-        for row in z.chunks_exact_mut(bias.len()) {
-            for (z, b) in row.iter_mut().zip(bias) {
-                *z = positive(*z + b);
+    vectorised(
+        #[inline(always)]
+        || {
+            for x in x {
+                *x = positive(*x);
             }
-        }
-    });
-}
-
-/// Each row of `z` becomes ẑ = (z + bias − mean) / √(variance + ε), and `relu` max(ẑ, 0).
-pub(crate) fn bias_norm_relu(
-    z: &mut [f32],
-    bias: &[f32],
-    inverse_std: &mut [f32],
-    relu: &mut [f32],
-) {
-    let width = bias.len();
-    let scale = 1.0 / width as f32;
-    vectorised(|| {
-        let rows = z.chunks_exact_mut(width).zip(relu.chunks_exact_mut(width));
-        for ((z, relu), inverse_std) in rows.zip(inverse_std) {
-            for (z, b) in z.iter_mut().zip(bias) {
-                *z += b;
-            }
-            let mean = sum(z, z, |x, _| x) * scale;
-            let variance = sum(z, z, |x, _| (x - mean) * (x - mean)) * scale;
-            *inverse_std = 1.0 / (variance + NORM_EPSILON).sqrt();
-            for (z, relu) in z.iter_mut().zip(relu) {
-                *z = (*z - mean) * *inverse_std;
-                *relu = positive(*z);
-            }
-        }
-    });
+        },
+    );
 }
 
 /// Gradient through ReLU, in place; `relu` is its output.
 pub(crate) fn relu_backward(d: &mut [f32], relu: &[f32]) {
-    vectorised(|| {
-        for (d, y) in d.iter_mut().zip(relu) {
-            *d = if *y > 0.0 { *d } else { 0.0 };
-        }
-    });
+    vectorised(
+        #[inline(always)]
+        || {
+            for (d, y) in d.iter_mut().zip(relu) {
+                *d = if *y > 0.0 { *d } else { 0.0 };
+            }
+        },
+    );
 }
 
-/// Gradient through ReLU and LayerNorm, in place; `normalised` is ẑ.
-///
-/// With g = d·[ẑ > 0]: dz = (g − mean(g) − ẑ·mean(g·ẑ)) / √(variance + ε).
-pub(crate) fn norm_relu_backward(
-    d: &mut [f32],
-    normalised: &[f32],
-    inverse_std: &[f32],
-    width: usize,
-) {
-    let scale = 1.0 / width as f32;
-    vectorised(|| {
-        let rows = d.chunks_exact_mut(width).zip(normalised.chunks_exact(width));
-        for ((d, z), inverse_std) in rows.zip(inverse_std) {
-            for (d, z) in d.iter_mut().zip(z) {
-                *d = if *z > 0.0 { *d } else { 0.0 };
+/// Adds every row of `d` to `sums`, in order: the gradient of a bias.
+pub(crate) fn add_rows(d: &[f32], sums: &mut [f32]) {
+    vectorised(
+        #[inline(always)]
+        || {
+            for row in d.chunks_exact(sums.len()) {
+                for (sum, d) in sums.iter_mut().zip(row) {
+                    *sum += d;
+                }
             }
-            let mean = sum(d, z, |d, _| d) * scale;
-            let along = sum(d, z, |d, z| d * z) * scale;
-            for (d, z) in d.iter_mut().zip(z) {
-                *d = (*d - mean - z * along) * inverse_std;
-            }
-        }
-    });
-}
-
-/// Column sums of `d`: the gradient of a bias.
-pub(crate) fn column_sums(d: &[f32], sums: &mut [f32]) {
-    vectorised(|| {
-        sums.fill(0.0);
-        for row in d.chunks_exact(sums.len()) {
-            for (sum, d) in sums.iter_mut().zip(row) {
-                *sum += d;
-            }
-        }
-    });
+        },
+    );
 }
 
 /// Factors of one Adam step (Kingma & Ba 2015, Algorithm 1, with the bias corrections taken out of the loop).
@@ -198,35 +124,44 @@ pub(crate) fn adam(
     first: &mut [f32],
     second: &mut [f32],
 ) {
-    vectorised(|| {
-        let state = first.iter_mut().zip(second);
-        for ((p, g), (m, v)) in p.iter_mut().zip(gradient).zip(state) {
-            *m += (g - *m) * (1.0 - step.beta1);
-            *v += (g * g - *v) * (1.0 - step.beta2);
-            *p -= step.rate * *m / (v.sqrt() * step.correction + step.epsilon);
-        }
-    });
+    vectorised(
+        #[inline(always)]
+        || {
+            let state = first.iter_mut().zip(second);
+            for ((p, g), (m, v)) in p.iter_mut().zip(gradient).zip(state) {
+                *m += (g - *m) * (1.0 - step.beta1);
+                *v += (g * g - *v) * (1.0 - step.beta2);
+                *p -= step.rate * *m / (v.sqrt() * step.correction + step.epsilon);
+            }
+        },
+    );
 }
 
 /// target += τ (source − target).
 pub(crate) fn track(tau: f32, target: &mut [f32], source: &[f32]) {
-    vectorised(|| {
-        for (t, s) in target.iter_mut().zip(source) {
-            *t += tau * (s - *t);
-        }
-    });
+    vectorised(
+        #[inline(always)]
+        || {
+            for (t, s) in target.iter_mut().zip(source) {
+                *t += tau * (s - *t);
+            }
+        },
+    );
 }
 
 /// y += x·w for every row w of `weights` whose x is not zero; half of all ReLU outputs are.
 pub(crate) fn add_product(y: &mut [f32], x: &[f32], weights: &[f32]) {
     let width = y.len();
-    vectorised(|| {
-        for (x, row) in x.iter().zip(weights.chunks_exact(width)) {
-            if *x != 0.0 {
-                for (y, w) in y.iter_mut().zip(row) {
-                    *y += x * w;
+    vectorised(
+        #[inline(always)]
+        || {
+            for (x, row) in x.iter().zip(weights.chunks_exact(width)) {
+                if *x != 0.0 {
+                    for (y, w) in y.iter_mut().zip(row) {
+                        *y += x * w;
+                    }
                 }
             }
-        }
-    });
+        },
+    );
 }

@@ -1,15 +1,18 @@
 //! One update of soft actor-critic: critics, actor, temperature, targets.
 
+use std::sync::Arc;
+
 use candle_core::{Device, Result as TensorResult, Tensor, Var};
 
 use crate::SacError;
 use crate::config::{Ops, SacConfig};
 use crate::mlp::Shape;
-use crate::network::{Flow, Network};
+use crate::network::{Engine, Flow, Network};
 use crate::optimiser::{Moments, step_variable, track};
 use crate::policy::Policy;
 use crate::rng::Streams;
 use crate::squash::{LogStd, squash};
+use crate::team::Team;
 
 /// What one call of [`Sac::update`](crate::Sac::update) did, averaged over its updates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -64,7 +67,7 @@ pub(crate) struct Batch {
 /// The networks, their optimisers and the temperature.
 #[derive(Debug)]
 pub(crate) struct Learner {
-    ops: Ops,
+    engine: Engine,
     bounds: LogStd,
     rates: Rates,
     tau: f64,
@@ -91,7 +94,10 @@ impl Learner {
         observation_dim: usize,
         action_dim: usize,
         streams: &mut Streams,
-    ) -> TensorResult<Self> {
+    ) -> Result<Self, SacError> {
+        // Plain operations bring candle's own threads.
+        let threads = if config.ops == Ops::Fused { config.update_threads() } else { 1 };
+        let engine = Engine { ops: config.ops, team: Arc::new(Team::new(threads)?) };
         let bounds = LogStd { min: config.log_std_min as f32, max: config.log_std_max as f32 };
         let actor_shape = Shape::new(observation_dim, &config.hidden, 2 * action_dim, false);
         let actor = initial_actor(&actor_shape, bounds.raw(config.init_std.ln() as f32), streams);
@@ -99,13 +105,12 @@ impl Learner {
             Shape::new(observation_dim + action_dim, &config.hidden, 1, config.critic_layer_norm);
         let critic = |streams: &mut Streams| {
             let parameters = critic_shape.init(&mut streams.init);
-            Network::new(config.ops, critic_shape.clone(), parameters)
+            Network::new(&engine, critic_shape.clone(), parameters)
         };
         let critics = [critic(streams)?, critic(streams)?];
         let targets = [critics[0].duplicate()?, critics[1].duplicate()?];
         let moments = || Moments::new(critic_shape.parameters());
         Ok(Self {
-            ops: config.ops,
             bounds,
             rates: Rates {
                 actor: config.actor_learning_rate,
@@ -117,11 +122,16 @@ impl Learner {
             actor_moments: Moments::new(actor_shape.parameters()),
             critic_moments: [moments(), moments()],
             alpha_moments: Moments::new(1),
-            actor: Network::new(config.ops, actor_shape, actor)?,
+            actor: Network::new(&engine, actor_shape, actor)?,
             critics,
             targets,
             log_alpha: Var::from_vec(vec![config.initial_alpha.ln() as f32], 1, &Device::Cpu)?,
+            engine,
         })
+    }
+
+    pub(crate) fn team(&self) -> Arc<Team> {
+        Arc::clone(&self.engine.team)
     }
 
     pub(crate) fn policy(&self) -> TensorResult<Policy> {
@@ -146,32 +156,26 @@ impl Learner {
         let target = self.target(batch, stats.alpha)?;
         stats.target_mean = finite("mean of the critic target", scalar(&target.mean_all()?)?)?;
 
-        let mut loss_of_both = None;
-        for critic in &self.critics {
-            let q = critic
-                .call(Some(&batch.observation), &batch.action, Flow::Parameters)?
-                .squeeze(1)?;
-            let loss = ((&q - &target)?.sqr()?.mean_all()? * 0.5)?;
-            loss_of_both = Some(match loss_of_both {
-                None => {
-                    stats.q_mean = scalar(&q.mean_all()?)?;
-                    loss
-                }
-                Some(first) => (first + loss)?,
-            });
-        }
-        if let Some(loss) = loss_of_both {
-            stats.critic_loss = finite("critic loss", scalar(&loss)?)?;
-            let gradients = loss.backward()?;
-            for (critic, moments) in self.critics.iter().zip(&mut self.critic_moments) {
-                let norm = critic.step(&gradients, moments, self.rates.critic)?;
-                stats.critic_gradient_norm =
-                    stats.critic_gradient_norm.hypot(finite("critic gradient norm", norm)?);
-            }
-        }
+        let held = Some(&batch.observation);
+        let q = Network::call_both(&self.critics, held, &batch.action, Flow::Parameters)?;
+        stats.q_mean = scalar(&q.detach().narrow(1, 0, 1)?.mean_all()?)?;
+        // Mean over the batch, sum over the critics.
+        let rows = q.dim(0)? as f64;
+        let loss = (q.broadcast_sub(&target.unsqueeze(1)?)?.sqr()?.sum_all()? * (0.5 / rows))?;
+        stats.critic_loss = finite("critic loss", scalar(&loss)?)?;
+        let gradients = &loss.backward()?;
+        let ([first, second], [m_first, m_second]) = (&self.critics, &mut self.critic_moments);
+        let rate = self.rates.critic;
+        let norms = self.engine.team.both(
+            || first.step(gradients, m_first, rate),
+            || second.step(gradients, m_second, rate),
+        );
+        let norm = norms.0?.hypot(norms.1?);
+        stats.critic_gradient_norm = finite("critic gradient norm", norm)?;
 
         let raw = self.actor.call(None, &batch.observation, Flow::Parameters)?;
-        let (action, log_probability) = squash(self.ops, self.bounds, &raw, &batch.actor_noise)?;
+        let (action, log_probability) =
+            squash(self.engine.ops, self.bounds, &raw, &batch.actor_noise)?;
         let q = Self::lower(&self.critics, &batch.observation, &action, Flow::Input)?;
         let loss = ((&log_probability * f64::from(stats.alpha))? - q)?.mean_all()?;
         stats.actor_loss = finite("actor loss", scalar(&loss)?)?;
@@ -191,16 +195,19 @@ impl Learner {
             )?;
         }
 
-        for (target, critic) in self.targets.iter().zip(&self.critics) {
-            track(target.variable(), critic.variable().as_tensor(), self.tau)?;
-        }
+        let follow = |i: usize| {
+            track(self.targets[i].variable(), self.critics[i].variable().as_tensor(), self.tau)
+        };
+        let followed = self.engine.team.both(|| follow(0), || follow(1));
+        followed.0.and(followed.1)?;
         Ok(stats)
     }
 
     /// y = R + discount · (min Q' − α log π') at the bootstrap state; a constant.
     fn target(&self, batch: &Batch, alpha: f32) -> TensorResult<Tensor> {
         let raw = self.actor.call(None, &batch.bootstrap_observation, Flow::Nowhere)?;
-        let (action, log_probability) = squash(self.ops, self.bounds, &raw, &batch.target_noise)?;
+        let (action, log_probability) =
+            squash(self.engine.ops, self.bounds, &raw, &batch.target_noise)?;
         let q = Self::lower(&self.targets, &batch.bootstrap_observation, &action, Flow::Nowhere)?;
         let value = (q - (log_probability * f64::from(alpha))?)?;
         Ok((&batch.reward + (&batch.discount * value)?)?.detach())
@@ -213,9 +220,8 @@ impl Learner {
         action: &Tensor,
         flow: Flow,
     ) -> TensorResult<Tensor> {
-        let [first, second] = critics;
-        let first = first.call(Some(observation), action, flow)?;
-        first.minimum(&second.call(Some(observation), action, flow)?)?.squeeze(1)
+        let q = Network::call_both(critics, Some(observation), action, flow)?;
+        q.narrow(1, 0, 1)?.minimum(&q.narrow(1, 1, 1)?)?.squeeze(1)
     }
 
     /// The lower critic's value of one action.

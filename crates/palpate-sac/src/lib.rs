@@ -53,16 +53,22 @@ mod error;
 #[cfg(test)]
 mod golden;
 mod kernel;
+mod lanes;
 mod learner;
 mod mlp;
 mod network;
+mod norm;
 mod op;
 mod optimiser;
 mod policy;
+mod product;
 mod replay;
 mod rng;
 mod squash;
+mod team;
 mod tensors;
+mod turn;
+mod work;
 
 pub use agent::{Mode, Sac};
 pub use config::{LearnFrom, Ops, SacConfig, TargetEntropy};

@@ -1,16 +1,16 @@
 //! A network: one flat candle variable, computed fused or plainly.
 
-use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex};
 
 use candle_core::backprop::GradStore;
 use candle_core::{D, Device, Result, Tensor, Var};
 
 use crate::config::Ops;
-use crate::kernel::NORM_EPSILON;
 use crate::mlp::Shape;
-use crate::op::{Area, NetworkOp, contiguous, cpu, lock};
+use crate::norm::NORM_EPSILON;
+use crate::op::{Area, Call, NetworkOp, PairOp, Part, contiguous, cpu, lock};
 use crate::optimiser::{Moments, step_variable};
+use crate::team::Team;
 
 /// What gradients flow to when a network is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,24 +23,42 @@ pub(crate) enum Flow {
     Input,
 }
 
+/// How networks are computed, and by whom.
+#[derive(Clone, Debug)]
+pub(crate) struct Engine {
+    pub(crate) ops: Ops,
+    pub(crate) team: Arc<Team>,
+}
+
+impl Engine {
+    fn call(&self, held: Option<&Tensor>, flow: Flow) -> Call {
+        Call {
+            team: Arc::clone(&self.team),
+            held: held.cloned(),
+            train: flow == Flow::Parameters,
+            through: flow == Flow::Input,
+        }
+    }
+}
+
 /// A multi-layer perceptron with its parameters.
 #[derive(Debug)]
 pub(crate) struct Network {
-    ops: Ops,
+    engine: Engine,
     shape: Arc<Shape>,
     variable: Var,
     area: Arc<Mutex<Area>>,
 }
 
 impl Network {
-    pub(crate) fn new(ops: Ops, shape: Shape, parameters: Vec<f32>) -> Result<Self> {
+    pub(crate) fn new(engine: &Engine, shape: Shape, parameters: Vec<f32>) -> Result<Self> {
         let variable = Var::from_vec(parameters, shape.parameters(), &Device::Cpu)?;
-        Ok(Self { ops, shape: Arc::new(shape), variable, area: Arc::default() })
+        Ok(Self { engine: engine.clone(), shape: Arc::new(shape), variable, area: Arc::default() })
     }
 
     /// A second network with the same values.
     pub(crate) fn duplicate(&self) -> Result<Self> {
-        Self::new(self.ops, (*self.shape).clone(), self.parameters()?)
+        Self::new(&self.engine, (*self.shape).clone(), self.parameters()?)
     }
 
     pub(crate) fn shape(&self) -> &Shape {
@@ -65,26 +83,16 @@ impl Network {
 
     /// Replaces the flat parameters.
     pub(crate) fn assign(&self, parameters: Vec<f32>) -> Result<()> {
+        lock(&self.area)?.parameters_changed();
         self.variable.set(&Tensor::from_vec(parameters, self.shape.parameters(), &Device::Cpu)?)
     }
 
     /// Output rows for input rows [held | x].
     pub(crate) fn call(&self, held: Option<&Tensor>, x: &Tensor, flow: Flow) -> Result<Tensor> {
-        match self.ops {
-            Ops::Fused => self.call_fused(held, x, flow),
-            Ops::Plain => self.call_plain(held, x, flow),
+        if self.engine.ops == Ops::Plain {
+            return self.call_plain(held, x, flow);
         }
-    }
-
-    fn call_fused(&self, held: Option<&Tensor>, x: &Tensor, flow: Flow) -> Result<Tensor> {
-        let op = NetworkOp {
-            shape: Arc::clone(&self.shape),
-            area: Arc::clone(&self.area),
-            held: held.cloned(),
-            train: flow == Flow::Parameters,
-            through: flow == Flow::Input,
-            pass: AtomicU64::new(0),
-        };
+        let op = NetworkOp { call: self.engine.call(held, flow), part: self.part() };
         // Detaching tells candle what the flags tell the operation.
         let (constant, frozen) = (x.detach(), self.variable.as_tensor().detach());
         match flow {
@@ -92,6 +100,30 @@ impl Network {
             Flow::Parameters => constant.apply_op2(self.variable.as_tensor(), op),
             Flow::Input => x.apply_op2(&frozen, op),
         }
+    }
+
+    /// Output rows (first | second) of two networks of one shape for input rows [held | x].
+    pub(crate) fn call_both(
+        [a, b]: &[Self; 2],
+        held: Option<&Tensor>,
+        x: &Tensor,
+        flow: Flow,
+    ) -> Result<Tensor> {
+        if a.engine.ops == Ops::Plain {
+            return Tensor::cat(&[a.call(held, x, flow)?, b.call(held, x, flow)?], 1);
+        }
+        let op = PairOp { call: a.engine.call(held, flow), parts: [a.part(), b.part()] };
+        let variables = [a.variable.as_tensor(), b.variable.as_tensor()];
+        let (constant, frozen) = (x.detach(), variables.map(Tensor::detach));
+        match flow {
+            Flow::Nowhere => constant.apply_op3_no_bwd(&frozen[0], &frozen[1], &op),
+            Flow::Parameters => constant.apply_op3(variables[0], variables[1], op),
+            Flow::Input => x.apply_op3(&frozen[0], &frozen[1], op),
+        }
+    }
+
+    fn part(&self) -> Part {
+        Part::new(&self.shape, &self.area)
     }
 
     fn call_plain(&self, held: Option<&Tensor>, x: &Tensor, flow: Flow) -> Result<Tensor> {
@@ -127,9 +159,11 @@ impl Network {
         moments: &mut Moments,
         rate: f64,
     ) -> Result<f32> {
-        match self.ops {
+        match self.engine.ops {
             Ops::Fused => {
-                step_variable(&self.variable, lock(&self.area)?.take_gradient()?, moments, rate)
+                let mut area = lock(&self.area)?;
+                area.parameters_changed();
+                step_variable(&self.variable, area.take_gradient()?, moments, rate)
             }
             Ops::Plain => match gradients.get(self.variable.as_tensor()) {
                 Some(gradient) => {

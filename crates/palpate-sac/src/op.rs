@@ -1,6 +1,6 @@
-//! A whole network as one candle operation.
+//! Whole networks as one candle operation each.
 //!
-//! candle keeps the graph, the variables and the losses; this operation computes the network. Its
+//! candle keeps the graph, the variables and the losses; these operations compute the networks. Their
 //! backward pass returns the gradient of the input through candle and leaves the gradient of the
 //! parameters in the work area, where the optimiser reads it: handed to candle, a gradient of 77,000
 //! numbers would be copied twice and summed on a spinning thread pool.
@@ -9,10 +9,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use candle_core::{
-    CpuStorage, CustomOp2, Error, Layout, Result, Shape as TensorShape, Storage, Tensor, bail,
+    CpuStorage, CustomOp2, CustomOp3, Error, Layout, Result, Shape as TensorShape, Storage, Tensor,
+    bail,
 };
 
-use crate::mlp::{Shape, Wanted, Work};
+use crate::mlp::Shape;
+use crate::team::Team;
+use crate::work::{Wanted, Work};
 
 /// Work area of one network, shared by the operations it takes part in.
 #[derive(Debug, Default)]
@@ -32,24 +35,116 @@ impl Area {
         }
         Ok(&self.work.gradient)
     }
+
+    pub(crate) fn parameters_changed(&mut self) {
+        self.work.parameters_changed();
+    }
 }
 
 pub(crate) fn lock(area: &Mutex<Area>) -> Result<MutexGuard<'_, Area>> {
     area.lock().map_err(|e| Error::Msg(format!("work area of a network: {e}")))
 }
 
-/// The network of `shape`, as a function of (right-hand input columns, parameters).
-pub(crate) struct NetworkOp {
-    pub(crate) shape: Arc<Shape>,
-    pub(crate) area: Arc<Mutex<Area>>,
+/// What networks are called with beside the tensors that candle knows.
+pub(crate) struct Call {
+    pub(crate) team: Arc<Team>,
     /// Left-hand input columns, constant: they get no gradient.
     pub(crate) held: Option<Tensor>,
     /// Whether the gradient of the parameters is wanted.
     pub(crate) train: bool,
     /// Whether the gradient of the right-hand columns is wanted.
     pub(crate) through: bool,
-    /// The forward pass this operation made.
-    pub(crate) pass: AtomicU64,
+}
+
+/// One network's part in an operation.
+pub(crate) struct Part {
+    shape: Arc<Shape>,
+    area: Arc<Mutex<Area>>,
+    /// The forward pass made here.
+    pass: AtomicU64,
+}
+
+/// A tensor as operations are given it.
+type Given<'a> = (&'a CpuStorage, &'a Layout);
+
+impl Part {
+    pub(crate) fn new(shape: &Arc<Shape>, area: &Arc<Mutex<Area>>) -> Self {
+        Self { shape: Arc::clone(shape), area: Arc::clone(area), pass: AtomicU64::new(0) }
+    }
+
+    fn forward(
+        &self,
+        area: &mut Area,
+        call: &Call,
+        (x, x_layout): Given<'_>,
+        (parameters, parameters_layout): Given<'_>,
+        team: Option<&Team>,
+    ) -> Result<()> {
+        let (batch, columns) = x_layout.shape().dims2()?;
+        area.passes += 1;
+        area.fresh = false;
+        self.pass.store(area.passes, Ordering::Relaxed);
+        let inputs = self.shape.inputs();
+        let [first, second] = area.work.prepare(&self.shape, batch);
+        let mut rows = [first, second];
+        let left = inputs.checked_sub(columns).unwrap_or(usize::MAX);
+        match &call.held {
+            Some(held) => {
+                if held.dims() != [batch, left] {
+                    bail!(
+                        "network of {inputs} inputs given {:?} beside {batch} x {columns}",
+                        held.dims()
+                    );
+                }
+                let (storage, layout) = held.storage_and_layout();
+                copy_columns(cpu(&storage)?, layout, &mut rows, inputs, 0)?;
+            }
+            None if left == 0 => {}
+            None => bail!("network of {inputs} inputs given {columns}"),
+        }
+        copy_columns(x, x_layout, &mut rows, inputs, left)?;
+        let parameters = contiguous(parameters, parameters_layout)?;
+        area.work.forward(&self.shape, parameters, call.train || call.through, team);
+        Ok(())
+    }
+
+    /// `d_output` has one row per row of the batch; this network's numbers begin at `at`.
+    fn backward(
+        &self,
+        area: &mut Area,
+        call: &Call,
+        columns: usize,
+        parameters: &Tensor,
+        (d_output, at): (&Tensor, usize),
+        team: Option<&Team>,
+    ) -> Result<()> {
+        if area.passes != self.pass.load(Ordering::Relaxed) {
+            bail!("backward of a network whose work area holds a later forward pass");
+        }
+        let (inputs, outputs) = (self.shape.inputs(), self.shape.outputs());
+        let width = d_output.dim(1)?;
+        let (storage, layout) = d_output.storage_and_layout();
+        let mut rows = contiguous(cpu(&storage)?, layout)?.chunks_exact(width);
+        for half in area.work.d_output() {
+            for (to, from) in half.chunks_exact_mut(outputs).zip(&mut rows) {
+                to.copy_from_slice(&from[at..at + outputs]);
+            }
+        }
+        let wanted = Wanted {
+            parameters: call.train,
+            input: if call.through { inputs - columns..inputs } else { 0..0 },
+        };
+        let (p_storage, p_layout) = parameters.storage_and_layout();
+        area.work.backward(&self.shape, contiguous(cpu(&p_storage)?, p_layout)?, &wanted, team);
+        area.fresh |= call.train;
+        Ok(())
+    }
+}
+
+/// One network, as a function of (right-hand input columns, parameters).
+pub(crate) struct NetworkOp {
+    pub(crate) call: Call,
+    pub(crate) part: Part,
 }
 
 impl CustomOp2 for NetworkOp {
@@ -64,35 +159,12 @@ impl CustomOp2 for NetworkOp {
         parameters: &CpuStorage,
         parameters_layout: &Layout,
     ) -> Result<(CpuStorage, TensorShape)> {
-        let (batch, columns) = x_layout.shape().dims2()?;
-        let mut area = lock(&self.area)?;
-        let area = &mut *area;
-        area.passes += 1;
-        area.fresh = false;
-        self.pass.store(area.passes, Ordering::Relaxed);
-
-        let inputs = self.shape.inputs();
-        let input = area.work.prepare(&self.shape, batch);
-        let left = inputs.checked_sub(columns).unwrap_or(usize::MAX);
-        match &self.held {
-            Some(held) => {
-                if held.dims() != [batch, left] {
-                    bail!(
-                        "network of {inputs} inputs given {:?} beside {batch} x {columns}",
-                        held.dims()
-                    );
-                }
-                let (storage, layout) = held.storage_and_layout();
-                copy_columns(cpu(&storage)?, layout, input, inputs, 0)?;
-            }
-            None if left == 0 => {}
-            None => bail!("network of {inputs} inputs given {columns}"),
-        }
-        copy_columns(x, x_layout, input, inputs, left)?;
-
-        let mut output = vec![0.0; batch * self.shape.outputs()];
-        area.work.forward(&self.shape, contiguous(parameters, parameters_layout)?, &mut output);
-        Ok((CpuStorage::F32(output), (batch, self.shape.outputs()).into()))
+        let Self { call, part } = self;
+        let mut area = lock(&part.area)?;
+        let given = (parameters, parameters_layout);
+        part.forward(&mut area, call, (x, x_layout), given, Some(&call.team))?;
+        let output = area.work.output().concat();
+        Ok((CpuStorage::F32(output), (x_layout.dims()[0], part.shape.outputs()).into()))
     }
 
     fn bwd(
@@ -102,33 +174,88 @@ impl CustomOp2 for NetworkOp {
         _result: &Tensor,
         d_result: &Tensor,
     ) -> Result<(Option<Tensor>, Option<Tensor>)> {
+        let Self { call, part } = self;
         let (batch, columns) = x.dims2()?;
-        let mut area = lock(&self.area)?;
-        if area.passes != self.pass.load(Ordering::Relaxed) {
-            bail!("backward of a network whose work area holds a later forward pass");
-        }
-        let inputs = self.shape.inputs();
-        let wanted = Wanted {
-            parameters: self.train,
-            input: if self.through { inputs - columns..inputs } else { 0..0 },
-        };
         let d_result = d_result.contiguous()?;
-        let (d_storage, d_layout) = d_result.storage_and_layout();
-        let (p_storage, p_layout) = parameters.storage_and_layout();
-        let mut d_input = vec![0.0; batch * wanted.input.len()];
-        area.work.backward(
-            &self.shape,
-            contiguous(cpu(&p_storage)?, p_layout)?,
-            contiguous(cpu(&d_storage)?, d_layout)?,
-            &wanted,
-            &mut d_input,
+        let mut area = lock(&part.area)?;
+        let team = Some(&*call.team);
+        part.backward(&mut area, call, columns, parameters, (&d_result, 0), team)?;
+        let d_input =
+            || Tensor::from_vec(area.work.d_input().concat(), (batch, columns), x.device());
+        Ok((call.through.then(d_input).transpose()?, None))
+    }
+}
+
+/// Two networks of one shape at the same input, as a function of (right-hand input columns, parameters of
+/// the first, of the second); rows (output of the first | output of the second).
+///
+/// Each network is a thread's, if there are two.
+pub(crate) struct PairOp {
+    pub(crate) call: Call,
+    pub(crate) parts: [Part; 2],
+}
+
+impl CustomOp3 for PairOp {
+    fn name(&self) -> &'static str {
+        "network pair"
+    }
+
+    fn cpu_fwd(
+        &self,
+        x: &CpuStorage,
+        x_layout: &Layout,
+        first: &CpuStorage,
+        first_layout: &Layout,
+        second: &CpuStorage,
+        second_layout: &Layout,
+    ) -> Result<(CpuStorage, TensorShape)> {
+        let Self { call, parts: [a, b] } = self;
+        let (mut area_a, mut area_b) = (lock(&a.area)?, lock(&b.area)?);
+        let (work_a, work_b, x) = (&mut *area_a, &mut *area_b, (x, x_layout));
+        let (done_a, done_b) = call.team.both(
+            || a.forward(work_a, call, x, (first, first_layout), None),
+            || b.forward(work_b, call, x, (second, second_layout), None),
         );
-        area.fresh |= self.train;
-        let d_x = self
-            .through
-            .then(|| Tensor::from_vec(d_input, (batch, columns), x.device()))
-            .transpose()?;
-        Ok((d_x, None))
+        done_a.and(done_b)?;
+        let outputs = a.shape.outputs();
+        let batch = x_layout.dims()[0];
+        let mut packed = Vec::with_capacity(2 * batch * outputs);
+        for (a, b) in area_a.work.output().into_iter().zip(area_b.work.output()) {
+            for (a, b) in a.chunks_exact(outputs).zip(b.chunks_exact(outputs)) {
+                packed.extend_from_slice(a);
+                packed.extend_from_slice(b);
+            }
+        }
+        Ok((CpuStorage::F32(packed), (batch, 2 * outputs).into()))
+    }
+
+    fn bwd(
+        &self,
+        x: &Tensor,
+        first: &Tensor,
+        second: &Tensor,
+        _result: &Tensor,
+        d_result: &Tensor,
+    ) -> Result<(Option<Tensor>, Option<Tensor>, Option<Tensor>)> {
+        let Self { call, parts: [a, b] } = self;
+        let (batch, columns) = x.dims2()?;
+        let d_result = d_result.contiguous()?;
+        let (mut area_a, mut area_b) = (lock(&a.area)?, lock(&b.area)?);
+        let (work_a, work_b) = (&mut *area_a, &mut *area_b);
+        let (done_a, done_b) = call.team.both(
+            || a.backward(work_a, call, columns, first, (&d_result, 0), None),
+            || b.backward(work_b, call, columns, second, (&d_result, a.shape.outputs()), None),
+        );
+        done_a.and(done_b)?;
+        let d_input = || {
+            let mut sum = area_a.work.d_input().concat();
+            let second = area_b.work.d_input();
+            for (sum, d) in sum.iter_mut().zip(second.into_iter().flatten()) {
+                *sum += d;
+            }
+            Tensor::from_vec(sum, (batch, columns), x.device())
+        };
+        Ok((call.through.then(d_input).transpose()?, None, None))
     }
 }
 
@@ -148,11 +275,11 @@ pub(crate) fn contiguous<'a>(storage: &'a CpuStorage, layout: &Layout) -> Result
     }
 }
 
-/// Copies a matrix into columns of `rows`, which are `width` wide, from column `at` on.
+/// Copies a matrix into columns of two pieces of rows, which are `width` wide, from column `at` on.
 fn copy_columns(
     storage: &CpuStorage,
     layout: &Layout,
-    rows: &mut [f32],
+    rows: &mut [&mut [f32]; 2],
     width: usize,
     at: usize,
 ) -> Result<()> {
@@ -161,7 +288,8 @@ fn copy_columns(
         bail!("expected a matrix with contiguous rows, got {layout:?}");
     };
     let values = &storage.as_slice::<f32>()?[layout.start_offset()..];
-    for (index, row) in rows.chunks_exact_mut(width).enumerate() {
+    let rows = rows.iter_mut().flat_map(|piece| piece.chunks_exact_mut(width));
+    for (index, row) in rows.enumerate() {
         let from = index * row_stride;
         row[at..at + columns].copy_from_slice(&values[from..from + columns]);
     }

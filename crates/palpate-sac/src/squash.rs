@@ -15,6 +15,8 @@ use std::sync::Mutex;
 use candle_core::{CpuStorage, CustomOp1, Error, Layout, Result, Shape, Tensor, bail};
 
 use crate::config::Ops;
+use crate::kernel::vectorised;
+use crate::lanes::{LANES, Lanes, exp, exp_m1, ln_1p, map};
 use crate::op::{contiguous, cpu};
 
 /// Bounds of log σ.
@@ -26,6 +28,7 @@ pub(crate) struct LogStd {
 
 impl LogStd {
     /// log σ for tanh s.
+    #[inline]
     pub(crate) fn bounded(self, tanh_raw: f32) -> f32 {
         self.min + self.half_range() * (tanh_raw + 1.0)
     }
@@ -76,8 +79,8 @@ fn squash_plain(bounds: LogStd, raw: &Tensor, noise: &Tensor) -> Result<(Tensor,
 struct SquashOp {
     bounds: LogStd,
     noise: Tensor,
-    /// tanh s and σ of the forward pass, interleaved.
-    saved: Mutex<Vec<(f32, f32)>>,
+    /// tanh s and σ of the forward pass.
+    saved: Mutex<(Vec<f32>, Vec<f32>)>,
 }
 
 impl CustomOp1 for SquashOp {
@@ -95,22 +98,22 @@ impl CustomOp1 for SquashOp {
         let (storage, noise_layout) = self.noise.storage_and_layout();
         let noise = contiguous(cpu(&storage)?, noise_layout)?;
         let raw = contiguous(raw, layout)?;
-        let mut saved = Vec::with_capacity(batch * n);
+        let (mut tanhs, mut stds) = (vec![0.0; batch * n], vec![0.0; batch * n]);
         let mut packed = vec![0.0; batch * (n + 1)];
+        let bounds = self.bounds;
         let rows = raw.chunks_exact(2 * n).zip(noise.chunks_exact(n));
-        for ((raw, noise), packed) in rows.zip(packed.chunks_exact_mut(n + 1)) {
-            let mut log_probability = 0.0;
-            for i in 0..n {
-                let tanh_raw = raw[n + i].tanh();
-                let log_std = self.bounds.bounded(tanh_raw);
-                let std = log_std.exp();
-                let (action, correction) = tanh_and_correction(raw[i] + std * noise[i]);
-                packed[i] = action;
-                log_probability += gauss(noise[i], log_std) - correction;
-                saved.push((tanh_raw, std));
-            }
-            packed[n] = log_probability;
-        }
+        let saved = tanhs.chunks_exact_mut(n).zip(stds.chunks_exact_mut(n));
+        vectorised(
+            #[inline(always)]
+            || {
+                for (((raw, noise), (tanhs, stds)), packed) in
+                    rows.zip(saved).zip(packed.chunks_exact_mut(n + 1))
+                {
+                    squash_row(bounds, raw, noise, tanhs, stds, packed);
+                }
+            },
+        );
+        let saved = (tanhs, stds);
         *self.saved.lock().map_err(poisoned)? = saved;
         Ok((CpuStorage::F32(packed), (batch, n + 1).into()))
     }
@@ -134,7 +137,7 @@ impl CustomOp1 for SquashOp {
             let out = &out[row * (n + 1)..][..n];
             let d_out = &d_out[row * (n + 1)..][..=n];
             for i in 0..n {
-                let (tanh_raw, std) = saved[row * n + i];
+                let (tanh_raw, std) = (saved.0[row * n + i], saved.1[row * n + i]);
                 let d_u = d_out[i] * (1.0 - out[i] * out[i]) + 2.0 * out[i] * d_out[n];
                 let d_log_std = d_u * std * noise[row * n + i] - d_out[n];
                 d_raw[i] = d_u;
@@ -149,20 +152,57 @@ fn poisoned(error: impl std::fmt::Display) -> Error {
     Error::Msg(format!("values of the squash operation: {error}"))
 }
 
-/// Log-density of u at noise ε, before squashing.
-fn gauss(noise: f32, log_std: f32) -> f32 {
+/// One row of the forward pass.
+#[inline(always)]
+fn squash_row(
+    bounds: LogStd,
+    raw: &[f32],
+    noise: &[f32],
+    tanhs: &mut [f32],
+    stds: &mut [f32],
+    packed: &mut [f32],
+) {
     const HALF_LOG_TAU: f32 = 0.918_938_5;
-    -0.5 * noise * noise - log_std - HALF_LOG_TAU
+    let n = noise.len();
+    let (means, raw_stds) = raw.split_at(n);
+    let mut log_probability = 0.0;
+    for from in (0..n).step_by(LANES) {
+        let here = from..n.min(from + LANES);
+        let pad = |values: &[f32]| {
+            let mut lanes: Lanes = [0.0; LANES];
+            lanes[..here.len()].copy_from_slice(&values[here.clone()]);
+            lanes
+        };
+        let (mean, noise) = (pad(means), pad(noise));
+        let tanh_raw = map(pad(raw_stds), |s| tanh_and_correction(s).0);
+        let log_std = map(tanh_raw, |t| bounds.bounded(t));
+        let std = map(log_std, exp);
+        let u: Lanes = std::array::from_fn(|i| mean[i] + std[i] * noise[i]);
+        let action = map(u, |u| tanh_and_correction(u).0);
+        // Log-density of u, before squashing, less the correction.
+        let terms: Lanes = std::array::from_fn(|i| {
+            let gauss = -0.5 * noise[i] * noise[i] - log_std[i] - HALF_LOG_TAU;
+            gauss - tanh_and_correction(u[i]).1
+        });
+        for term in &terms[..here.len()] {
+            log_probability += term;
+        }
+        for (to, from) in [(&mut *tanhs, tanh_raw), (&mut *stds, std), (&mut *packed, action)] {
+            to[here.clone()].copy_from_slice(&from[..here.len()]);
+        }
+    }
+    packed[n] = log_probability;
 }
 
 /// tanh u and log(1 − tanh² u), from one exponential.
+#[inline(always)]
 fn tanh_and_correction(u: f32) -> (f32, f32) {
     const LOG_4: f32 = 1.386_294_4;
     let magnitude = 2.0 * u.abs();
     // e^(−2|u|) − 1 keeps tanh exact near zero.
-    let decay = (-magnitude).exp_m1();
+    let decay = exp_m1(-magnitude);
     let tanh = (-decay / (2.0 + decay)).copysign(u);
-    (tanh, LOG_4 - magnitude - 2.0 * (1.0 + decay).ln_1p())
+    (tanh, LOG_4 - magnitude - 2.0 * ln_1p(1.0 + decay))
 }
 
 #[cfg(test)]

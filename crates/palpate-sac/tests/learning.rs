@@ -120,7 +120,8 @@ fn mean_return(mut act: impl FnMut(&[f32; 2]) -> f32) -> f32 {
 /// to brake ahead of time, which takes a value function. A hand-tuned PD law is the yardstick.
 #[test]
 fn brings_a_mass_to_rest() {
-    let config = SacConfig {
+    let config = &SacConfig {
+        threads: 1,
         hidden: vec![64, 64],
         batch_size: 64,
         updates_per_step: 1,
@@ -131,7 +132,29 @@ fn brings_a_mass_to_rest() {
         warmup_steps: 200,
         ..SacConfig::default()
     };
-    let mut agent = Sac::new(&config, 2, 1, 1).unwrap();
+    // The median of three: learning is chaotic, and one seed in four ends far from the others.
+    let mut learned = std::thread::scope(|scope| {
+        let runs = [1, 2, 3].map(|seed| scope.spawn(move || return_after_training(config, seed)));
+        runs.map(|run| run.join().unwrap())
+    });
+    learned.sort_by(f32::total_cmp);
+    let learned = learned[1];
+    let mut fresh = Sac::new(config, 2, 1, 2).unwrap();
+    let random = mean_return(|observation| {
+        let mut action = [0.0];
+        fresh.act(observation, Mode::Explore, &mut action).unwrap();
+        action[0]
+    });
+    let spring = mean_return(|[x, _]| -x);
+    let pd = mean_return(|[x, v]| -3.0 * x - 3.0 * v);
+    println!("learned {learned:.1}, PD {pd:.1}, spring {spring:.1}, random {random:.1}");
+    assert!(learned >= 1.25 * pd, "learned {learned}, PD {pd}");
+    assert!(random < 2.0 * pd && spring < 1.5 * pd, "{random}, {spring}: the bound is too easy");
+}
+
+/// Mean return of the mean action after 120 episodes of learning.
+fn return_after_training(config: &SacConfig, seed: u64) -> f32 {
+    let mut agent = Sac::new(config, 2, 1, seed).unwrap();
     for episode in 0..120 {
         let mut mass = Mass::start(episode);
         for step in 0..STEPS {
@@ -152,20 +175,9 @@ fn brings_a_mass_to_rest() {
             agent.update().unwrap();
         }
     }
-    let learned = mean_return(|observation| {
+    mean_return(|observation| {
         let mut action = [0.0];
         agent.act(observation, Mode::Exploit, &mut action).unwrap();
         action[0]
-    });
-    let mut fresh = Sac::new(&config, 2, 1, 2).unwrap();
-    let random = mean_return(|observation| {
-        let mut action = [0.0];
-        fresh.act(observation, Mode::Explore, &mut action).unwrap();
-        action[0]
-    });
-    let spring = mean_return(|[x, _]| -x);
-    let pd = mean_return(|[x, v]| -3.0 * x - 3.0 * v);
-    println!("learned {learned:.1}, PD {pd:.1}, spring {spring:.1}, random {random:.1}");
-    assert!(learned >= 1.25 * pd, "learned {learned}, PD {pd}");
-    assert!(random < 2.0 * pd && spring < 1.5 * pd, "{random}, {spring}: the bound is too easy");
+    })
 }

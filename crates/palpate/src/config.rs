@@ -37,6 +37,9 @@ pub const ROBOTS: Assets = assets!("robots", "urdf": "ur3e", "ur5e", "ur10e");
 /// Tables with optional keys.
 const OPEN: &[&str] = &["policy", "ur"];
 
+/// What an arm gets that a simulation does not have by default: the shield, where the preset states its limits.
+const ON_AN_ARM: &str = "[safety]\nmode = \"shield\"\n";
+
 /// What a UR's drives add to servoj's lookahead, s: 34 ms were measured at a lookahead of 30 ms
 /// (Universal_Robots_Client_Library, issue 86).
 pub(crate) const DRIVE_LAG: f64 = 0.004;
@@ -147,6 +150,9 @@ impl Config {
             ),
         };
         let mut layers = Vec::new();
+        if arm.is_some() && base.text.contains("[safety.shield]") {
+            layers.push(Layer { name: "the default on an arm".into(), text: ON_AN_ARM.into() });
+        }
         if let Some(path) = &choice.file {
             let text = std::fs::read_to_string(path)
                 .with_context(|| format!("cannot read the config file {}", path.display()))?;
@@ -178,6 +184,9 @@ impl Config {
                 set.insert(0, format!("ur.host={:?}", arm.host));
                 set.insert(1, format!("ur.ports.rtde={}", arm.ports.rtde));
             } else {
+                if text.contains("[safety.shield]") {
+                    set.insert(0, "safety.mode=shield".into());
+                }
                 text += &arm_text(arm)?;
             }
         }

@@ -148,6 +148,47 @@ fn ctrl_c_brakes_and_saves() -> Outcome {
     Ok(())
 }
 
+/// Whole records of the journal, which may be being written.
+fn journaled(out: &Path) -> usize {
+    palpate_runs::Journal::read(&out.join(palpate_runs::JOURNAL))
+        .map_or(0, |held| held.records.len())
+}
+
+#[test]
+#[expect(clippy::zombie_processes, reason = "a test that fails ends the process")]
+fn a_killed_run_has_every_step_but_the_one_in_flight() -> Outcome {
+    let (robot, folder) = (robot(|_| {}), tempfile::tempdir()?);
+    let out = folder.path().join("run");
+    let mut child = under_way(&robot, &out);
+    let (before, began) = (journaled(&out), Instant::now());
+    wait_for("ten more steps", || journaled(&out) >= before + 10);
+    let (kept, took) = (journaled(&out), began.elapsed());
+    child.kill()?;
+    child.wait()?;
+    // 20 steps a second: they are on disk while they happen, not when the learner gets to them.
+    assert!(took < Duration::from_secs(10), "{took:?}");
+    let after = journaled(&out);
+    assert!((kept..=kept + 2).contains(&after), "{kept} {after}");
+    stays_at_rest(&robot);
+
+    let mut again = palpate(&robot, &["train-real", "--yes", "--steps", &(after + 20).to_string()]);
+    let said = again.arg("--resume").arg(&out).output()?;
+    assert!(said.status.success(), "{}", text(&said));
+    assert!(text(&said).contains("steps that the arm took after the last checkpoint are back"));
+    let to = folder.path().join("all.csv");
+    let exported = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(["runs", "export"])
+        .args([&out, &to])
+        .output()?;
+    assert!(exported.status.success(), "{}", text(&exported));
+    let csv = std::fs::read_to_string(to)?;
+    let steps: Vec<usize> =
+        csv.lines().skip(1).map(|row| row.split(',').next().unwrap().parse().unwrap()).collect();
+    assert_eq!(steps, (1..=steps.len()).collect::<Vec<_>>(), "no step is missing or there twice");
+    assert!(steps.len() >= after + 20);
+    Ok(())
+}
+
 #[test]
 fn a_lost_link_stops_the_arm_and_says_so() -> Outcome {
     let (robot, folder) = (robot(|_| {}), tempfile::tempdir()?);

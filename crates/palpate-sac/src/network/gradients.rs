@@ -4,10 +4,15 @@ use candle_core::{Device, Tensor, Var};
 
 use super::*;
 use crate::rng::{Streams, fill_normal};
+use crate::team::Team;
 
 const BATCH: usize = 7;
 const HELD: usize = 3;
 const MOVING: usize = 2;
+
+fn engine(ops: Ops, threads: usize) -> Engine {
+    Engine { ops, team: Arc::new(Team::new(threads).unwrap()) }
+}
 
 fn draw(count: usize, stream: u64) -> Vec<f32> {
     let mut values = vec![0.0; count];
@@ -55,7 +60,7 @@ fn gradients(
     x: &[f32],
     weights: &[f32],
 ) -> [Vec<f32>; 2] {
-    let network = Network::new(ops, shape.clone(), parameters.to_vec()).unwrap();
+    let network = Network::new(&engine(ops, 2), shape.clone(), parameters.to_vec()).unwrap();
     let rows = Tensor::from_slice(x, (BATCH, HELD + MOVING), &Device::Cpu).unwrap();
     let held = rows.narrow(1, 0, HELD).unwrap();
     let moving = Var::from_tensor(&rows.narrow(1, HELD, MOVING).unwrap().contiguous().unwrap());
@@ -123,10 +128,91 @@ fn of_a_layer_norm_critic_match_finite_differences() {
     check(true, 1);
 }
 
+/// Outputs of a pair, gradient of the input, gradients of both networks' parameters.
+fn pair(
+    ops: Ops,
+    threads: usize,
+    batch: usize,
+    hidden: &[usize],
+    layer_norm: bool,
+) -> Vec<Vec<f32>> {
+    let shape = Shape::new(HELD + MOVING, hidden, 1, layer_norm);
+    let engine = engine(ops, threads);
+    let network = |stream| {
+        let parameters = draw(shape.parameters(), stream).iter().map(|p| 0.3 * p).collect();
+        Network::new(&engine, shape.clone(), parameters).unwrap()
+    };
+    let networks = [network(1), network(2)];
+    let tensor = |columns: usize, stream| {
+        Tensor::from_vec(draw(batch * columns, stream), (batch, columns), &Device::Cpu).unwrap()
+    };
+    let (held, weights) = (tensor(HELD, 3), tensor(2, 4));
+    let moving = Var::from_tensor(&tensor(MOVING, 5)).unwrap();
+    let flat = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    let mut results = Vec::new();
+    for flow in [Flow::Input, Flow::Parameters] {
+        let out = Network::call_both(&networks, Some(&held), moving.as_tensor(), flow).unwrap();
+        results.push(flat(&out));
+        let gradients = (out * &weights).unwrap().sum_all().unwrap().backward().unwrap();
+        match (flow, ops) {
+            (Flow::Input, _) => results.push(flat(gradients.get(&moving).unwrap())),
+            (_, Ops::Plain) => {
+                results.extend(networks.iter().map(|n| flat(gradients.get(&n.variable).unwrap())));
+            }
+            (_, Ops::Fused) => results.extend(
+                networks.iter().map(|n| lock(&n.area).unwrap().take_gradient().unwrap().to_vec()),
+            ),
+        }
+    }
+    results
+}
+
+/// Sizes with whole blocks and with remainders, and batches too small for two halves.
+const SIZES: [(usize, [usize; 2]); 5] =
+    [(256, [64, 32]), (77, [40, 24]), (16, [33, 70]), (9, [8, 8]), (1, [16, 16])];
+
+#[test]
+fn of_a_pair_match_plain_operations() {
+    for (batch, hidden) in SIZES {
+        for layer_norm in [false, true] {
+            let plain = pair(Ops::Plain, 1, batch, &hidden, layer_norm);
+            let fused = pair(Ops::Fused, 2, batch, &hidden, layer_norm);
+            for (fused, plain) in fused.iter().zip(&plain) {
+                assert_eq!(fused.len(), plain.len());
+                let size = plain.iter().fold(0.0f32, |size, p| size.max(p.abs()));
+                assert!(size > 0.0);
+                for (f, p) in fused.iter().zip(plain) {
+                    assert!((f - p).abs() <= 2e-5 * size, "{batch} {hidden:?}: {f} {p}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn do_not_depend_on_threads() {
+    for (batch, hidden) in SIZES {
+        let bits = |threads| {
+            let results = pair(Ops::Fused, threads, batch, &hidden, true);
+            let shape = Shape::new(HELD + MOVING, &hidden, 3, false);
+            let parameters = draw(shape.parameters(), 6);
+            let alone = Network::new(&engine(Ops::Fused, threads), shape, parameters).unwrap();
+            let x = draw(batch * (HELD + MOVING), 7);
+            let x = Tensor::from_vec(x, (batch, HELD + MOVING), &Device::Cpu).unwrap();
+            let out = alone.call(None, &x, Flow::Parameters).unwrap();
+            out.sqr().unwrap().sum_all().unwrap().backward().unwrap();
+            let own = lock(&alone.area).unwrap().take_gradient().unwrap().to_vec();
+            results.into_iter().flatten().chain(own).map(f32::to_bits).collect::<Vec<_>>()
+        };
+        assert_eq!(bits(1), bits(2), "{batch} {hidden:?}");
+    }
+}
+
 #[test]
 fn a_backward_pass_after_a_later_forward_pass_is_refused() {
     let shape = Shape::new(2, &[4], 1, true);
-    let network = Network::new(Ops::Fused, shape.clone(), draw(shape.parameters(), 4)).unwrap();
+    let network =
+        Network::new(&engine(Ops::Fused, 1), shape.clone(), draw(shape.parameters(), 4)).unwrap();
     let x = Tensor::from_slice(&draw(6, 5), (3, 2), &Device::Cpu).unwrap();
     let first = network.call(None, &x, Flow::Parameters).unwrap();
     network.call(None, &x, Flow::Nowhere).unwrap();

@@ -4,8 +4,13 @@
 //! long a way as going on for half the stopping time t_b: it adds k·v·(t + t_b/2) to the force. With F what the
 //! environment does to the tool, each axis must keep |F − k·v·(t + t_b/2)| ≤ F_max: a bound on the approach that
 //! closes as the force grows. Motion that takes force away is free, up to the same bound on the other side.
+//!
+//! A turn presses too, by the lever of the contact. Where that is nobody needs to know: a wrench (F, τ) about the tool
+//! centre point comes nearer along F at −τ·ω/|F| by the turn ω alone, its power over its force.
 
 use palpate_spatial::{Vector3, Wrench};
+
+use super::force::WrenchLimits;
 
 /// Speed that is too small to matter and too large to be rounding, m/s.
 const SLACK: f64 = 1e-4;
@@ -35,6 +40,32 @@ impl Headroom {
     /// Approach speed in free air for a force limit (N) at a stopping time (s), m/s.
     pub fn free_speed(&self, force_max: f64, stopping_time: f64) -> f64 {
         force_max / (self.stiffness * (self.reaction_time + 0.5 * stopping_time))
+    }
+
+    /// `turn` (rad/s, base axes, about the tool centre point) without what would press too hard together with
+    /// `velocity` (m/s) against the contact that does `wrench`: the force then reaches its limits along the
+    /// direction it has.
+    #[inline]
+    pub fn turned(
+        &self,
+        wrench: &Wrench,
+        limits: &WrenchLimits,
+        stopping_time: f64,
+        velocity: &Vector3,
+        turn: &Vector3,
+    ) -> Vector3 {
+        let (force, torque) = (wrench.force.norm(), wrench.torque.norm());
+        let load = (wrench.force.amax() / limits.force).max(force / limits.force_norm);
+        let turning_in = -wrench.torque.dot(turn) / force;
+        // Free air, or a turn that takes force away.
+        if !(load > 0.0 && torque > 0.0 && turning_in > 0.0) {
+            return *turn;
+        }
+        let left = force * (1.0 / load - 1.0).max(0.0);
+        let allowed = left * self.free_speed(1.0, stopping_time);
+        let excess = turning_in - wrench.force.dot(velocity) / force - allowed;
+        let withheld = excess.clamp(0.0, turning_in);
+        turn + wrench.torque * (withheld * force / torque.powi(2))
     }
 
     /// The bounds at a stopping time (s). Of the raw and the filtered force the worse one counts, each way.
@@ -109,6 +140,39 @@ mod tests {
                 prop_assert!((scale * v[i]).abs() <= allowed[i].abs() + SLACK + 1e-12);
             }
         }
+    }
+
+    /// A tool that presses on a wall with a point beside its centre, and turns into it.
+    #[test]
+    fn a_turn_presses_by_its_lever_and_no_more_than_is_left() {
+        let rule = Headroom::new(1.0e4, 0.025);
+        let limits = WrenchLimits { force: 20.0, torque: 2.0, force_norm: 30.0, torque_norm: 3.0 };
+        let lever = Vector3::new(0.01, 0.0, 0.0);
+        let pressed = |newton: f64| {
+            let force = Vector3::new(0.0, 0.0, newton);
+            Wrench::new(force, lever.cross(&force))
+        };
+        let still = Vector3::zeros();
+        // ω × lever has a z of −ω_y·lever: this turn drives the point into the wall.
+        let into = Vector3::new(0.3, 2.0, 0.1);
+        let point = |turn: Vector3| turn.cross(&lever).z;
+        let turn = |newton: f64, velocity: &Vector3, turn: &Vector3| {
+            rule.turned(&pressed(newton), &limits, 0.0, velocity, turn)
+        };
+        for newton in [1.0, 10.0, 18.0] {
+            let left: f64 = -(20.0 - newton) / (1.0e4 * 0.025);
+            let expected = left.max(point(into));
+            assert!((point(turn(newton, &still, &into)) - expected).abs() < 1e-12, "{newton}");
+            // What the tool's own approach takes is not there twice.
+            let approach = Vector3::new(0.0, 0.0, 0.5 * expected);
+            let both = point(turn(newton, &approach, &into)) + approach.z;
+            assert!(both >= left - 1e-12, "{newton}: {both} {left}");
+        }
+        assert!(point(turn(25.0, &still, &into)).abs() < 1e-12, "beyond the limit no further");
+        assert_eq!(turn(25.0, &still, &-into), -into, "away is free");
+        let across = turn(25.0, &still, &into);
+        assert!((across.x - 0.3).abs() < 1e-12 && (across.z - 0.1).abs() < 1e-12, "{across}");
+        assert_eq!(rule.turned(&Wrench::zero(), &limits, 0.0, &still, &into), into, "free air");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 #![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
 
 use palpate_kinematics::{Frame, IkOptions};
-use palpate_spatial::{DOF, JointVector, Pose};
+use palpate_spatial::{DOF, JointVector, Pose, UnitQuaternion};
 
 use super::core::Shield;
 use super::decision::Proposal;
@@ -50,7 +50,8 @@ impl Shield {
         if !(finite(base_T_tool.translation.vector.as_slice()) && finite(rotation.as_slice())) {
             return Err(Refusal::NonFinite);
         }
-        let from = self.target_pose().translation.vector;
+        let here = self.target_pose();
+        let from = here.translation.vector;
         let step = (base_T_tool.translation.vector - from).norm();
         let limit = self.config.tool_step_max;
         if !(step <= limit) {
@@ -62,6 +63,12 @@ impl Shield {
         let mut slowed = None;
         if allowed != asked {
             pose.translation.vector = from + allowed * dt;
+            slowed = Some(Cause::SlowedByForce);
+        }
+        let asked_turn = (pose.rotation * here.rotation.inverse()).scaled_axis() / dt;
+        let turn = self.turned(m, &allowed, &asked_turn);
+        if turn != asked_turn {
+            pose.rotation = UnitQuaternion::from_scaled_axis(turn * dt) * here.rotation;
             slowed = Some(Cause::SlowedByForce);
         }
         let options = IkOptions {

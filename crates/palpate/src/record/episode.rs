@@ -75,7 +75,7 @@ impl Setup {
         self.samples(&r, tape)?;
         self.frames(&r, tape)?;
         self.actions(&r, tape)?;
-        self.story(&r, tape)?;
+        Self::story(&r, tape)?;
         r.facts("palpate", self.facts(tape, name))?;
         Ok(r.finish()?)
     }
@@ -146,7 +146,7 @@ impl Setup {
     }
 
     /// What the fail-safe layer said, as a number by cause and, where it changes, in words.
-    fn story(&self, r: &Recording, tape: &Tape) -> anyhow::Result<()> {
+    fn story(r: &Recording, tape: &Tape) -> anyhow::Result<()> {
         let causes: Vec<&str> = Cause::ALL.iter().map(|c| c.name()).collect();
         let (verdicts, log) =
             (r.numbers("/verdict", "palpate.Verdict", &causes)?, r.texts("/log")?);

@@ -45,7 +45,7 @@ fn stale(names: &[String], collisions: usize) -> Vec<&str> {
     let collided = of("collision_").count();
     let mut stale: Vec<&str> = of("collision_").take(collided.saturating_sub(collisions)).collect();
     let step = |name: &str| name.split('_').nth(1).map(str::to_owned);
-    let (first, last) = (of("eval_").next().and_then(step), of("eval_").last().and_then(step));
+    let (first, last) = (of("eval_").next().and_then(step), of("eval_").next_back().and_then(step));
     stale.extend(of("eval_").filter(|name| step(name) != first && step(name) != last));
     stale
 }

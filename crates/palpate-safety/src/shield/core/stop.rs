@@ -27,6 +27,19 @@ impl Shield {
         self.headroom.bounds(&m.raw_wrench, &m.wrench, limit, self.stopping_time)
     }
 
+    /// The part of a turn (rad/s, base axes) that leaves room for force, with the tool's `velocity` (m/s).
+    pub(in crate::shield) fn turned(
+        &self,
+        m: &Measurement,
+        velocity: &Vector3,
+        turn: &Vector3,
+    ) -> Vector3 {
+        let limits = self.guard.soft().scaled(self.config.force.aim_ratio);
+        [&m.raw_wrench, &m.wrench].iter().fold(*turn, |turn, wrench| {
+            self.headroom.turned(wrench, &limits, self.stopping_time, velocity, &turn)
+        })
+    }
+
     /// Velocity of the tool centre point at the target for joint speeds, m/s, base axes.
     pub(in crate::shield) fn tool_velocity(&self, speed: &JointVector) -> Vector3 {
         let J = self.chain.kinematics(&self.target).jacobian(Frame::BaseAligned);
