@@ -13,6 +13,7 @@ use palpate_sac::Policy;
 use super::thread::{Exchange, News, Order};
 use super::{Address, connect, ended, permitted};
 use crate::baselines::Actor;
+use crate::record::{OnArm, Recorder};
 use crate::stack::{Purpose, sim_env};
 use crate::{Config, evaluate, interrupt};
 
@@ -35,6 +36,8 @@ pub struct PolicyRun {
     pub dry_run: bool,
     /// Do not ask.
     pub yes: bool,
+    /// Folder for recordings of the episodes.
+    pub record: Option<PathBuf>,
     /// JSON instead of a table.
     pub json: bool,
 }
@@ -54,6 +57,10 @@ pub fn run_policy(what: &PolicyRun) -> anyhow::Result<()> {
         return Ok(());
     }
     let arm = connect(&config, Actor::learned(policy, None), Exchange::default())?;
+    if let Some(folder) = &what.record {
+        let recorder = Recorder::new(&config, folder)?;
+        arm.control.orders.send(Order::Record(Box::new(OnArm::new(recorder, Some("arm")))))?;
+    }
     let mut summaries = Vec::new();
     let mut result = Ok(());
     for episode in 0..what.episodes {

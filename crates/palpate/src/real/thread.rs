@@ -18,6 +18,7 @@ use palpate_safety::{Entry, Guarded};
 
 use super::journal;
 use crate::baselines::Actor;
+use crate::record::OnArm;
 use crate::train::lesson::Lesson;
 
 /// Pause between two looks at an arm that has stopped.
@@ -38,6 +39,8 @@ pub(super) enum Order {
     Episode(u64),
     /// A person says that the arm may move again.
     Recover,
+    /// Record from now on.
+    Record(Box<OnArm>),
     /// Stop and let go.
     End,
 }
@@ -136,10 +139,14 @@ impl Control {
                         return;
                     }
                 };
-                let mut pilot = Pilot { env, actor, exchange, inbox, outbox, said };
+                let recorder = None;
+                let mut pilot = Pilot { env, actor, exchange, inbox, outbox, said, recorder };
                 pilot.say(News::Ready);
                 pilot.serve();
                 farewell(&pilot.env);
+                if let Some(recorder) = pilot.recorder {
+                    recorder.finish();
+                }
             })
             .context("cannot start the control thread")?;
         Ok(Self { orders, news, verdicts, thread: Some(thread) })
@@ -176,6 +183,7 @@ struct Pilot<R: Guarded> {
     inbox: Receiver<Order>,
     outbox: SyncSender<News>,
     said: SyncSender<Entry>,
+    recorder: Option<Box<OnArm>>,
 }
 
 impl<R: Guarded> Pilot<R> {
@@ -187,6 +195,11 @@ impl<R: Guarded> Pilot<R> {
             let done = match order {
                 Ok(Order::Episode(number)) if !stopped => self.episode(number),
                 Ok(Order::Episode(_)) => continue,
+                Ok(Order::Record(mut recorder)) => {
+                    recorder.load(&mut self.env);
+                    self.recorder = Some(recorder);
+                    continue;
+                }
                 Ok(Order::Recover) => self.env.recover().map(|()| self.say(News::Ready)),
                 Err(TryRecvError::Empty) if stopped => {
                     // Goes on reading, so that nothing old waits in the link; what it reads is known.
@@ -232,15 +245,18 @@ impl<R: Guarded> Pilot<R> {
             let action = self.actor.act(&self.env);
             let narrow: Vec<f32> = action.iter().map(|x| *x as f32).collect();
             let step = self.env.step(action)?;
-            let over = step.summary.is_some();
+            let over = step.summary.as_ref().map(|summary| summary.outcome);
             let seen = std::mem::take(&mut observation);
             let lesson = Lesson::new(&self.env, seen, narrow, step);
             observation.clone_from(&lesson.next);
-            if over {
+            if let Some(outcome) = over {
                 self.empty_ledger();
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.keep(&mut self.env, outcome);
+                }
             }
             self.say(News::Step(Box::new(lesson)));
-            if over {
+            if over.is_some() {
                 return Ok(());
             }
         }

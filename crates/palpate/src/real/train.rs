@@ -6,12 +6,13 @@ use anyhow::{Context as _, bail};
 use palpate_runs::{CheckpointStore, LAST, RunDir};
 use palpate_sac::Sac;
 
-use super::thread::Exchange;
+use super::thread::{Exchange, Order};
 use super::world::RealTime;
 use super::{Address, connect, journal, permitted};
 use crate::baselines::Actor;
 use crate::config::{Choice, Config};
 use crate::progress::Progress;
+use crate::record::{self, OnArm, Recorder};
 use crate::stack::{Purpose, sim_env, stream};
 use crate::train::pupil::Pupil;
 use crate::train::{create, last_checkpoint, run};
@@ -63,6 +64,10 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
         None => create(&config, what.out.as_deref())?,
     };
     let (path, steps) = (dir.path().to_owned(), config.env.max_steps);
+    if config.record.collisions > 0 {
+        let recorder = Recorder::new(&config, &path.join(record::FOLDER))?;
+        arm.control.orders.send(Order::Record(Box::new(OnArm::new(recorder, None))))?;
+    }
     let mut pupil = Pupil::new(config, dir, agent, progress, "train-real --rtde ADDRESS")?;
     if what.resume.is_none() {
         // Something to continue from, whatever happens in the first minutes.

@@ -4,11 +4,13 @@
 //! nobody. After an episode that is worth keeping, its tape changes places with an empty one and a thread of its own
 //! turns it into a file. On an arm an episode goes unrecorded if that thread is behind; in simulation it is waited for.
 
+mod arm;
 mod episode;
 mod folder;
 mod scene;
 
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
@@ -18,6 +20,7 @@ use palpate_safety::Guarded;
 
 use crate::Config;
 use crate::stack;
+pub(crate) use arm::OnArm;
 use episode::Setup;
 
 /// Folder of the recordings in a run.
@@ -97,10 +100,12 @@ struct Job {
 #[derive(Debug)]
 pub struct Recorder {
     full: Option<SyncSender<Job>>,
-    /// Tapes to be used again.
-    empty: Receiver<Box<Tape>>,
+    /// Tapes to be used again. Never locked: it makes the recorder one that can be sent in an order.
+    empty: Mutex<Receiver<Box<Tape>>>,
     thread: Option<JoinHandle<Vec<String>>>,
     folder: PathBuf,
+    /// Tapes that are ready, so that none has to be made on a control thread.
+    spare: Vec<Box<Tape>>,
     unrecorded: u64,
 }
 
@@ -129,9 +134,10 @@ impl Recorder {
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(work);
         Ok(Self {
             full: Some(full),
-            empty,
+            empty: Mutex::new(empty),
             thread: Some(thread.context("cannot start the recorder")?),
             folder: folder.to_owned(),
+            spare: Vec::new(),
             unrecorded: 0,
         })
     }
@@ -140,6 +146,13 @@ impl Recorder {
     pub fn load<R: Guarded>(&self, env: &mut Env<R>) {
         let tape = env.new_tape();
         env.swap_tape(Some(tape));
+    }
+
+    /// The same for an environment whose thread must not wait for memory afterwards.
+    pub(crate) fn load_in_real_time<R: Guarded>(&mut self, env: &mut Env<R>) {
+        self.load(env);
+        // One is written and the queue is full: then an episode goes unrecorded, not a tape missing.
+        self.spare = (0..=QUEUE).map(|_| env.new_tape()).collect();
     }
 
     /// Keeps the episode that has just ended as one of `policy`, and waits for room if there is none.
@@ -152,26 +165,29 @@ impl Recorder {
     pub(crate) fn keep<R: Guarded>(&mut self, env: &mut Env<R>, kind: Kind<'_>, wait: bool) {
         let Some(full) = &self.full else { return };
         let Some(tape) = env.swap_tape(None) else { return };
-        let Some(summary) = tape.summary() else {
-            env.swap_tape(Some(tape));
-            return;
+        let next = self.empty.get_mut().ok().and_then(|empty| empty.try_recv().ok());
+        let next = next.or_else(|| self.spare.pop());
+        let (next, summary) = match (next, tape.summary()) {
+            (Some(next), Some(summary)) => (next, summary),
+            (None, Some(summary)) if wait => (env.new_tape(), summary),
+            (next, summary) => {
+                self.unrecorded += u64::from(summary.is_some());
+                self.spare.extend(next);
+                env.swap_tape(Some(tape));
+                return;
+            }
         };
         let name = kind.name(tape.episode(), summary.outcome);
+        env.swap_tape(Some(next));
         let sent = if wait {
             full.send(Job { tape, name }).map_err(|e| TrySendError::Disconnected(e.0))
         } else {
             full.try_send(Job { tape, name })
         };
-        let tape = match sent {
-            Ok(()) => self.empty.try_recv().ok(),
-            Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) => {
-                self.unrecorded += 1;
-                Some(job.tape)
-            }
-        };
-        // The first few times no tape has come back yet.
-        let tape = tape.unwrap_or_else(|| env.new_tape());
-        env.swap_tape(Some(tape));
+        if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = sent {
+            self.unrecorded += 1;
+            self.spare.push(job.tape);
+        }
     }
 
     /// Waits until all is written. What went wrong, for people; nothing is lost but recordings.

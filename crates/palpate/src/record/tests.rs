@@ -105,10 +105,10 @@ fn a_recorder_that_is_behind_is_not_waited_for_and_says_so() {
     let config = config(&["env.max_steps=2"]);
     let mut env = sim_env(&config, 7, Purpose::Train).unwrap();
     let mut recorder = Recorder::new(&config, dir.path()).unwrap();
-    recorder.load(&mut env);
     // A queue that nobody empties.
     let (full, jobs) = sync_channel(1);
     recorder.full = Some(full);
+    recorder.load_in_real_time(&mut env);
     let mut zero = Actor::zero(env.action_dim());
     for n in 0..3 {
         episode(&mut env, &mut zero, n);
