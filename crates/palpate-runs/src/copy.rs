@@ -42,15 +42,34 @@ pub fn copy(run: &Path, to: &Path) -> Result<Vec<String>, RunError> {
     for entry in fs::read_dir(run).at("list", run)? {
         let entry = entry.at("list", run)?;
         let name = entry.file_name();
-        let unfinished = Path::new(&name).extension().is_some_and(|e| e == "tmp");
-        if unfinished || skipped.iter().any(|skip| name == *skip) {
+        if skipped.iter().any(|skip| name == *skip) {
             continue;
         }
-        tree(&entry.path(), &to.join(name))?;
+        rest(&entry.path(), &to.join(name))?;
     }
     file(&run.join(CONFIG), &to.join(CONFIG))?;
     durable::sync_dir(to)?;
     Ok(copied)
+}
+
+/// Copies what is neither a checkpoint nor the configuration: without what is being written, and without what goes
+/// while it is read, as old recordings do.
+fn rest(from: &Path, to: &Path) -> Result<(), RunError> {
+    if from.extension().is_some_and(|e| e == "tmp") {
+        return Ok(());
+    }
+    if !from.is_dir() {
+        return match file(from, to) {
+            Err(_) if !from.exists() => Ok(()),
+            copied => copied,
+        };
+    }
+    durable::create_dir(to)?;
+    for entry in fs::read_dir(from).at("list", from)? {
+        let entry = entry.at("list", from)?;
+        rest(&entry.path(), &to.join(entry.file_name()))?;
+    }
+    durable::sync_dir(to)
 }
 
 /// Copies a file or a folder with all it holds.

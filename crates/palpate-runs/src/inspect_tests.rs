@@ -96,8 +96,12 @@ fn a_run_that_is_written_is_not_repaired_but_copied() {
     let writer = RunDir::open(&path).unwrap();
     assert!(matches!(repair(&path), Err(RunError::Locked { .. })));
     fs::write(path.join("checkpoints/step_0000002/state.json"), "9").unwrap();
+    fs::create_dir(path.join("episodes")).unwrap();
+    fs::write(path.join("episodes/whole.mcap"), "1").unwrap();
+    fs::write(path.join("episodes/half.tmp"), "1").unwrap();
     let to = root.path().join("copy");
     assert_eq!(copy(&path, &to).unwrap(), ["step_0000003", "step_0000001"]);
+    assert!(to.join("episodes/whole.mcap").exists() && !to.join("episodes/half.tmp").exists());
     drop(writer);
     assert_eq!(not_whole(&to), [""; 0]);
     assert_eq!(inspect(&to).unwrap().len(), 7);

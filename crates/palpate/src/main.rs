@@ -168,6 +168,9 @@ struct RunPolicy {
     /// Do not ask before the arm moves.
     #[arg(long)]
     yes: bool,
+    /// Record the episodes as MCAP in this folder.
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
     /// Print JSON instead of a table.
     #[arg(long)]
     json: bool,
@@ -290,6 +293,7 @@ fn run(command: Command) -> anyhow::Result<()> {
             set: args.set,
             dry_run: args.dry_run,
             yes: args.yes,
+            record: args.record,
             json: args.json,
         }),
         Command::Doctor(args) => {

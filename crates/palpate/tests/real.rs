@@ -120,7 +120,10 @@ fn an_arm_is_trained_resumed_and_run() -> Outcome {
     let resumed = json(&out.join("summary.json"));
     assert!(resumed["episodes"].as_u64() > summary["episodes"].as_u64(), "{resumed}");
 
+    let recordings = folder.path().join("recordings");
     let said = palpate(&robot, &["run-policy", "--yes", "--episodes", "2", "--json"])
+        .arg("--record")
+        .arg(&recordings)
         .arg(&out)
         .output()?;
     assert!(said.status.success(), "{}", text(&said));
@@ -128,6 +131,10 @@ fn an_arm_is_trained_resumed_and_run() -> Outcome {
     let report = &stdout[stdout.find("\n{").ok_or("no JSON")?..];
     let report: serde_json::Value = serde_json::from_str(report)?;
     assert_eq!(report["policy"]["episodes"], 2);
+    let recorded = std::fs::read_dir(&recordings)?.map(|file| Ok(file?.metadata()?.len()));
+    let sizes = recorded.collect::<std::io::Result<Vec<_>>>()?;
+    // A second at 500 Hz takes 0.7 MB.
+    assert!(sizes.len() == 2 && sizes.iter().all(|size| *size > 300_000), "{sizes:?}");
     stays_at_rest(&robot);
     Ok(())
 }

@@ -12,6 +12,7 @@ use palpate_safety::{Entry, Guarded};
 use super::exchange::Exchange;
 use super::thread::{Ends, Fault, News, Order, room};
 use crate::baselines::Actor;
+use crate::record::OnArm;
 use crate::train::lesson::Lesson;
 
 /// Pause between two looks at an arm that has stopped.
@@ -37,6 +38,7 @@ pub(super) struct Pilot<R: Guarded> {
     spare: Vec<Box<Lesson>>,
     observation: Vec<f32>,
     action: Vec<f32>,
+    recorder: Option<Box<OnArm>>,
 }
 
 impl<R: Guarded> Pilot<R> {
@@ -52,7 +54,7 @@ impl<R: Guarded> Pilot<R> {
         let spare = (0..room(steps))
             .map(|_| Box::new(Lesson::blank(observation.len(), action.len())))
             .collect();
-        Self { env, actor, exchange, ends, spare, observation, action }
+        Self { env, actor, exchange, ends, spare, observation, action, recorder: None }
     }
 
     /// The environment, to look at.
@@ -67,9 +69,16 @@ impl<R: Guarded> Pilot<R> {
         loop {
             let order = self.ends.orders.try_recv();
             let done = match order {
-                Ok(Order::Episode(number)) if !stopped => self.episode(number, false),
-                Ok(Order::Evaluate(number)) if !stopped => self.episode(EVALUATIONS + number, true),
-                Ok(Order::Episode(_) | Order::Evaluate(_)) => continue,
+                Ok(Order::Episode(number)) if !stopped => self.episode(number, None),
+                Ok(Order::Evaluate { episode, step }) if !stopped => {
+                    self.episode(EVALUATIONS + episode, Some((step, episode)))
+                }
+                Ok(Order::Episode(_) | Order::Evaluate { .. }) => continue,
+                Ok(Order::Record(mut recorder)) => {
+                    recorder.load(&mut self.env);
+                    self.recorder = Some(recorder);
+                    continue;
+                }
                 Ok(Order::Recover) => self.env.recover().map(|()| self.say(News::Ready)),
                 Err(TryRecvError::Empty) if stopped => {
                     // Goes on reading, so that nothing old waits in the link; what it reads is known.
@@ -90,6 +99,13 @@ impl<R: Guarded> Pilot<R> {
         }
     }
 
+    /// Waits for the recordings, once the arm stands.
+    pub(super) fn finish(self) {
+        if let Some(recorder) = self.recorder {
+            recorder.finish();
+        }
+    }
+
     /// Stops the arm and watches until it stands.
     fn rest(&mut self) {
         _ = self.env.stop();
@@ -103,8 +119,14 @@ impl<R: Guarded> Pilot<R> {
         }
     }
 
-    /// Drives to the start and acts until the episode's end: by samples of the policy to learn from, or by its mean.
-    fn episode(&mut self, number: u64, measured: bool) -> Result<(), EnvError<R::Error>> {
+    /// Drives to the start and acts until the episode's end: by samples of the policy to learn from, or by its mean
+    /// as start so-and-so of the evaluation after so many steps.
+    fn episode(
+        &mut self,
+        number: u64,
+        evaluation: Option<(u64, u64)>,
+    ) -> Result<(), EnvError<R::Error>> {
+        let measured = evaluation.is_some();
         self.env.set_next_episode(number);
         self.env.reset()?;
         self.actor.explore(!measured);
@@ -119,15 +141,18 @@ impl<R: Guarded> Pilot<R> {
                 *narrow = *wide as f32;
             }
             let step = self.env.step(action)?;
-            let over = step.summary.is_some();
+            let over = step.summary.as_ref().map(|summary| summary.outcome);
             let mut lesson = self.lesson();
             lesson.write(&self.env, &self.observation, &self.action, step);
             self.observation.copy_from_slice(&lesson.next);
-            if over {
+            if let Some(outcome) = over {
                 self.empty_ledger(measured);
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.keep(&mut self.env, outcome, evaluation);
+                }
             }
             self.say(if measured { News::Measured(lesson) } else { News::Step(lesson) });
-            if over {
+            if over.is_some() {
                 return Ok(());
             }
         }
@@ -164,6 +189,7 @@ impl<R: Guarded> Pilot<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU64, Ordering};
     use std::time::Instant;
@@ -174,6 +200,7 @@ mod tests {
     use super::super::thread::Control;
     use crate::Config;
     use crate::config::Choice;
+    use crate::record::Recorder;
     use crate::stack::{self, Purpose};
 
     fn config(set: &[&str]) -> Config {
@@ -244,8 +271,12 @@ mod tests {
         assert!(over(&steps[11]) && !steps[..11].iter().any(over), "{steps:?}");
     }
 
+    fn evaluate(episode: u64) -> Order {
+        Order::Evaluate { episode, step: 100 }
+    }
+
     /// Orders what is given, then the end, and lets the pilot serve on this thread.
-    fn flown(set: &[&str], orders: [Order; 3]) -> (Vec<News>, u64) {
+    fn flown(set: &[&str], orders: [Order; 3], record: &Path) -> (Vec<News>, u64) {
         let config = config(set);
         let arm = IdealArm::at(config.task.q_home);
         let chain = stack::chain(&config.robot).unwrap();
@@ -258,26 +289,34 @@ mod tests {
         let actor = Actor::learned(policy(1), Some(1));
         let mut pilot = Pilot::new(env, actor, exchange.clone(), ends, 3 * STEPS);
         exchange.offer(policy(2));
+        let recorder = Recorder::new(&config, record).unwrap();
+        let mut recorder = OnArm::training(recorder, &config.record);
+        recorder.load(&mut pilot.env);
+        pilot.recorder = Some(Box::new(recorder));
         let taken = allocation_counter::measure(|| pilot.serve());
+        pilot.finish();
         (control.news.try_iter().collect(), taken.count_total)
     }
 
     #[test]
     fn nothing_is_taken_from_the_heap() {
         for set in [&["env.max_steps=12"][..], &["env.max_steps=12", "safety.mode=\"shield\""]] {
+            let dir = tempfile::tempdir().unwrap();
             let (news, allocations) =
-                flown(set, [Order::Episode(0), Order::Evaluate(0), Order::Episode(1)]);
+                flown(set, [Order::Episode(0), evaluate(0), Order::Episode(1)], dir.path());
             assert_eq!(news.len(), 1 + 3 * STEPS as usize, "{news:?}");
             assert_eq!(allocations, 0, "{set:?}");
+            let recorded: Vec<_> =
+                std::fs::read_dir(dir.path()).unwrap().map(|f| f.unwrap().file_name()).collect();
+            assert_eq!(recorded, ["eval_0000100_000.mcap"], "and it was recorded");
         }
     }
 
     #[test]
     fn an_evaluation_repeats_itself_and_is_no_experience() {
-        let (news, _) = flown(
-            &["env.max_steps=12"],
-            [Order::Evaluate(3), Order::Episode(3), Order::Evaluate(3)],
-        );
+        let dir = tempfile::tempdir().unwrap();
+        let orders = [evaluate(3), Order::Episode(3), evaluate(3)];
+        let (news, _) = flown(&["env.max_steps=12"], orders, dir.path());
         let lessons = |news: &[News], measured: bool| -> Vec<Lesson> {
             let lesson = |n: &News| match n {
                 News::Measured(lesson) if measured => Some((**lesson).clone()),

@@ -14,6 +14,7 @@ use super::exchange::Exchange;
 use super::thread::{Control, News, Order};
 use super::{Address, connect, ended, permitted};
 use crate::baselines::Actor;
+use crate::record::{OnArm, Recorder};
 use crate::stack::{Purpose, sim_env};
 use crate::{Config, evaluate, interrupt};
 
@@ -36,6 +37,8 @@ pub struct PolicyRun {
     pub dry_run: bool,
     /// Do not ask.
     pub yes: bool,
+    /// Folder for recordings of the episodes.
+    pub record: Option<PathBuf>,
     /// JSON instead of a table.
     pub json: bool,
 }
@@ -55,6 +58,10 @@ pub fn run_policy(what: &PolicyRun) -> anyhow::Result<()> {
         return Ok(());
     }
     let arm = connect(&config, Actor::learned(policy, None), Exchange::default())?;
+    if let Some(folder) = &what.record {
+        let recorder = Recorder::new(&config, folder)?;
+        arm.control.orders.send(Order::Record(Box::new(OnArm::all(recorder, "arm"))))?;
+    }
     let mut summaries = Vec::new();
     let mut result = Ok(());
     for episode in 0..what.episodes {

@@ -18,6 +18,7 @@ use super::exchange::Exchange;
 use super::journal;
 use super::pilot::Pilot;
 use crate::baselines::Actor;
+use crate::record::OnArm;
 use crate::train::lesson::Lesson;
 
 /// Room for verdicts that the learner has not written yet.
@@ -28,10 +29,12 @@ const VERDICTS: usize = 4096;
 pub(super) enum Order {
     /// Drive to the start of this episode and run it.
     Episode(u64),
-    /// The same with the policy's mean, on a start of its own: to be measured, not learned from.
-    Evaluate(u64),
+    /// The same with the policy's mean after so many steps, on a start of its own: to be measured, not learned from.
+    Evaluate { episode: u64, step: u64 },
     /// A person says that the arm may move again.
     Recover,
+    /// Record from now on.
+    Record(Box<OnArm>),
     /// Stop and let go.
     End,
 }
@@ -118,7 +121,11 @@ impl Control {
         let thread = std::thread::Builder::new()
             .name("control".into())
             .spawn(move || match build() {
-                Ok(env) => fly(&mut Pilot::new(env, actor, exchange, ends, steps)),
+                Ok(env) => {
+                    let mut pilot = Pilot::new(env, actor, exchange, ends, steps);
+                    fly(&mut pilot);
+                    pilot.finish();
+                }
                 Err(e) => {
                     let text = format!("{e:#}");
                     _ = ends.news.try_send(News::Fault(Fault { text, kind: None }));

@@ -7,11 +7,13 @@ use palpate_runs::{CheckpointStore, LAST, RunDir};
 use palpate_sac::Sac;
 
 use super::exchange::Exchange;
+use super::thread::Order;
 use super::world::RealTime;
 use super::{Address, connect, journal, permitted};
 use crate::baselines::Actor;
 use crate::config::{Choice, Config};
 use crate::progress::Progress;
+use crate::record::{self, OnArm, Recorder};
 use crate::stack::{Purpose, sim_env, stream};
 use crate::train::pupil::Pupil;
 use crate::train::{create, last_checkpoint, run};
@@ -65,6 +67,11 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
         None => create(&config, what.out.as_deref())?,
     };
     let (path, steps) = (dir.path().to_owned(), config.env.max_steps);
+    if config.record.collisions > 0 || config.record.evaluations > 0 {
+        let recorder = Recorder::new(&config, &path.join(record::FOLDER))?;
+        let recorder = OnArm::training(recorder, &config.record);
+        arm.control.orders.send(Order::Record(Box::new(recorder)))?;
+    }
     let mut pupil = Pupil::new(config, dir, agent, progress, "train-real --rtde ADDRESS")?;
     if what.resume.is_none() {
         // Something to continue from, whatever happens in the first minutes.

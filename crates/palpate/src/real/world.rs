@@ -61,7 +61,8 @@ impl RealTime {
         episode: u64,
         trials: &mut Trials,
     ) -> anyhow::Result<bool> {
-        self.arm.control.orders.send(Order::Evaluate(episode))?;
+        let step = pupil.progress.step;
+        self.arm.control.orders.send(Order::Evaluate { episode, step })?;
         let mut begun = false;
         loop {
             match self.news()? {

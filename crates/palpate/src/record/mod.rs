@@ -4,12 +4,14 @@
 //! nobody. After an episode that is worth keeping, its tape changes places with an empty one and a thread of its own
 //! turns it into a file. On an arm an episode goes unrecorded if that thread is behind; in simulation it is waited for.
 
+mod arm;
 mod episode;
 mod folder;
 mod scene;
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use anyhow::Context as _;
@@ -18,6 +20,7 @@ use palpate_safety::Guarded;
 
 use crate::Config;
 use crate::stack;
+pub(crate) use arm::OnArm;
 use episode::Setup;
 
 /// Folder of the recordings in a run.
@@ -55,21 +58,21 @@ impl RecordConfig {
 }
 
 /// What an episode was, for the name of its file.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Kind<'a> {
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Kind {
     /// A collision in training.
     Collision,
-    /// An episode of an evaluation after this many steps.
-    Evaluation(u64),
+    /// An episode of the evaluation after this many steps.
+    Evaluation { step: u64, episode: u64 },
     /// An episode of this policy, to be looked at.
-    Policy(&'a str),
+    Policy(Arc<str>),
 }
 
-impl Kind<'_> {
-    fn name(self, episode: u64, outcome: Outcome) -> String {
+impl Kind {
+    fn name(&self, episode: u64, outcome: Outcome) -> String {
         match self {
             Kind::Collision => format!("collision_{episode:06}"),
-            Kind::Evaluation(step) => format!("eval_{step:07}_{episode:03}"),
+            Kind::Evaluation { step, episode } => format!("eval_{step:07}_{episode:03}"),
             Kind::Policy(policy) => {
                 let words: Vec<&str> = policy
                     .split(|c: char| !c.is_ascii_alphanumeric())
@@ -90,17 +93,19 @@ impl Kind<'_> {
 
 struct Job {
     tape: Box<Tape>,
-    name: String,
+    kind: Kind,
 }
 
 /// Writes episodes into a folder, on a thread of its own.
 #[derive(Debug)]
 pub struct Recorder {
     full: Option<SyncSender<Job>>,
-    /// Tapes to be used again.
-    empty: Receiver<Box<Tape>>,
+    /// Tapes to be used again. Never locked: it makes the recorder one that can be sent in an order.
+    empty: Mutex<Receiver<Box<Tape>>>,
     thread: Option<JoinHandle<Vec<String>>>,
     folder: PathBuf,
+    /// Tapes that are ready, so that none has to be made on a control thread.
+    spare: Vec<Box<Tape>>,
     unrecorded: u64,
 }
 
@@ -113,7 +118,9 @@ impl Recorder {
         let (place, limits) = (folder.to_owned(), config.record.clone());
         let work = move || {
             let mut failures = Vec::new();
-            for Job { tape, name } in jobs {
+            for Job { tape, kind } in jobs {
+                let Some(summary) = tape.summary() else { continue };
+                let name = kind.name(tape.episode(), summary.outcome);
                 let written = setup.encode(&tape, &name).and_then(|bytes| {
                     folder::write(&place, &name, &bytes)?;
                     folder::prune(&place, limits.collisions)
@@ -129,9 +136,10 @@ impl Recorder {
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(work);
         Ok(Self {
             full: Some(full),
-            empty,
+            empty: Mutex::new(empty),
             thread: Some(thread.context("cannot start the recorder")?),
             folder: folder.to_owned(),
+            spare: Vec::new(),
             unrecorded: 0,
         })
     }
@@ -142,36 +150,45 @@ impl Recorder {
         env.swap_tape(Some(tape));
     }
 
+    /// The same for an environment whose thread must not wait for memory afterwards.
+    pub(crate) fn load_in_real_time<R: Guarded>(&mut self, env: &mut Env<R>) {
+        self.load(env);
+        // One is written and the queue is full: then an episode goes unrecorded, not a tape missing.
+        self.spare = (0..=QUEUE).map(|_| env.new_tape()).collect();
+    }
+
     /// Keeps the episode that has just ended as one of `policy`, and waits for room if there is none.
     pub fn keep_as<R: Guarded>(&mut self, env: &mut Env<R>, policy: &str) {
-        self.keep(env, Kind::Policy(policy), true);
+        self.keep(env, Kind::Policy(policy.into()), true);
     }
 
     /// Keeps the episode that has just ended, if its environment was [loaded](Self::load). With `wait` it is surely
-    /// kept; without, this neither waits nor takes more memory than the file's name.
-    pub(crate) fn keep<R: Guarded>(&mut self, env: &mut Env<R>, kind: Kind<'_>, wait: bool) {
+    /// kept; without, this neither waits nor takes memory.
+    pub(crate) fn keep<R: Guarded>(&mut self, env: &mut Env<R>, kind: Kind, wait: bool) {
         let Some(full) = &self.full else { return };
         let Some(tape) = env.swap_tape(None) else { return };
-        let Some(summary) = tape.summary() else {
+        if tape.summary().is_none() {
+            env.swap_tape(Some(tape));
+            return;
+        }
+        let next = self.empty.get_mut().ok().and_then(|empty| empty.try_recv().ok());
+        let next = next.or_else(|| self.spare.pop()).or_else(|| wait.then(|| env.new_tape()));
+        let Some(next) = next else {
+            self.unrecorded += 1;
             env.swap_tape(Some(tape));
             return;
         };
-        let name = kind.name(tape.episode(), summary.outcome);
+        env.swap_tape(Some(next));
+        let job = Job { tape, kind };
         let sent = if wait {
-            full.send(Job { tape, name }).map_err(|e| TrySendError::Disconnected(e.0))
+            full.send(job).map_err(|e| TrySendError::Disconnected(e.0))
         } else {
-            full.try_send(Job { tape, name })
+            full.try_send(job)
         };
-        let tape = match sent {
-            Ok(()) => self.empty.try_recv().ok(),
-            Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) => {
-                self.unrecorded += 1;
-                Some(job.tape)
-            }
-        };
-        // The first few times no tape has come back yet.
-        let tape = tape.unwrap_or_else(|| env.new_tape());
-        env.swap_tape(Some(tape));
+        if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = sent {
+            self.unrecorded += 1;
+            self.spare.push(job.tape);
+        }
     }
 
     /// Waits until all is written. What went wrong, for people; nothing is lost but recordings.

@@ -52,7 +52,7 @@ fn a_success_is_recorded_sample_by_sample_and_thinned_on_request() {
         recorder.load(&mut env);
         let mut script = Actor::scripted(&config, env.action_dim());
         assert_eq!(episode(&mut env, &mut script, 0), Outcome::Success);
-        recorder.keep(&mut env, Kind::Policy("a script"), true);
+        recorder.keep(&mut env, Kind::Policy("a script".into()), true);
         assert_eq!(recorder.finish(), [""; 0]);
         let (topics, said) = contents(&dir.path().join("a-script_000_success.mcap"));
         let (actions, joints) = (topics["/action"], topics["/joints"]);
@@ -105,14 +105,14 @@ fn a_recorder_that_is_behind_is_not_waited_for_and_says_so() {
     let config = config(&["env.max_steps=2"]);
     let mut env = sim_env(&config, 7, Purpose::Train).unwrap();
     let mut recorder = Recorder::new(&config, dir.path()).unwrap();
-    recorder.load(&mut env);
     // A queue that nobody empties.
     let (full, jobs) = sync_channel(1);
     recorder.full = Some(full);
+    recorder.load_in_real_time(&mut env);
     let mut zero = Actor::zero(env.action_dim());
     for n in 0..3 {
         episode(&mut env, &mut zero, n);
-        recorder.keep(&mut env, Kind::Policy("arm"), false);
+        recorder.keep(&mut env, Kind::Policy("arm".into()), false);
     }
     assert_eq!(jobs.try_iter().count(), 1);
     drop(jobs);

@@ -118,7 +118,8 @@ impl<R: Guarded> World for Lockstep<R> {
             if let Some(recorder) = &mut self.recorder
                 && episode < config.record.evaluations
             {
-                recorder.keep(&mut self.monitor, Kind::Evaluation(pupil.progress.step), true);
+                let kind = Kind::Evaluation { step: pupil.progress.step, episode };
+                recorder.keep(&mut self.monitor, kind, true);
             }
         }
         Ok(Some(trials.result(pupil.progress.step)))
