@@ -174,11 +174,11 @@ fn squash_row(
             lanes
         };
         let (mean, noise) = (pad(means), pad(noise));
-        let tanh_raw = map(pad(raw_stds), |s| tanh_and_correction(s).0);
+        let tanh_raw = map(pad(raw_stds), tanh);
         let log_std = map(tanh_raw, |t| bounds.bounded(t));
         let std = map(log_std, exp);
         let u: Lanes = std::array::from_fn(|i| mean[i] + std[i] * noise[i]);
-        let action = map(u, |u| tanh_and_correction(u).0);
+        let action = map(u, tanh);
         // Log-density of u, before squashing, less the correction.
         let terms: Lanes = std::array::from_fn(|i| {
             let gauss = -0.5 * noise[i] * noise[i] - log_std[i] - HALF_LOG_TAU;
@@ -192,6 +192,13 @@ fn squash_row(
         }
     }
     packed[n] = log_probability;
+}
+
+/// tanh u.
+#[expect(clippy::inline_always, reason = "compiled for the vector unit only inside its caller")]
+#[inline(always)]
+pub(crate) fn tanh(u: f32) -> f32 {
+    tanh_and_correction(u).0
 }
 
 /// tanh u and log(1 − tanh² u), from one exponential.
