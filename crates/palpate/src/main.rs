@@ -120,6 +120,9 @@ struct TrainSim {
     /// Continue a run from its last checkpoint, exactly; --steps may extend it.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "seed", "out"])]
     resume: Option<PathBuf>,
+    /// Say at the end where the time went: simulation, control, inference, update, logging.
+    #[arg(long)]
+    profile: bool,
 }
 
 #[derive(Debug, Args)]
@@ -272,8 +275,10 @@ fn run(command: Command) -> anyhow::Result<()> {
     interrupt::install()?;
     match command {
         Command::TrainSim(args) => match &args.resume {
-            Some(dir) => train::resume(dir, args.training.steps),
-            None => train::start(&args.training.choice(), args.training.out.as_deref()),
+            Some(dir) => train::resume(dir, args.training.steps, args.profile),
+            None => {
+                train::start(&args.training.choice(), args.training.out.as_deref(), args.profile)
+            }
         },
         Command::TrainReal(args) => real::train_real(&real::TrainReal {
             address: args.rtde,

@@ -30,14 +30,24 @@ pub enum Purpose {
 /// Builds the simulated environment.
 pub fn sim_env(config: &Config, seed: u64, purpose: Purpose) -> anyhow::Result<SimEnv> {
     let chain = chain(&config.robot)?;
-    let arm = SimArm::new(
+    let arm = sim_arm(config, &chain, seed, purpose)?;
+    env(config, chain, arm, seed, purpose)
+}
+
+/// Builds the simulated arm alone.
+pub(crate) fn sim_arm(
+    config: &Config,
+    chain: &SerialChain<DOF>,
+    seed: u64,
+    purpose: Purpose,
+) -> anyhow::Result<SimArm> {
+    Ok(SimArm::new(
         chain.clone(),
         config.task.base_T_hole(),
         &config.sim,
         config.task.q_home,
         stream(seed, purpose),
-    )?;
-    env(config, chain, arm, seed, purpose)
+    )?)
 }
 
 /// Puts the fail-safe layer and the environment around an arm.

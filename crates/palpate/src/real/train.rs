@@ -81,7 +81,7 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
     exchange.offer(pupil.agent.policy());
     arm.control.journal(journal, pupil.progress.step, steps)?;
     pupil.console.note(&format!("control thread: {}; learner: {background}", arm.realtime));
-    run(RealTime::new(arm, exchange, background), pupil)
+    run(RealTime::new(arm, exchange, background), pupil, false)
 }
 
 /// The learner, how far it is, and its run directory if there is one already.

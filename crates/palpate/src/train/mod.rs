@@ -10,6 +10,7 @@ pub(crate) mod book;
 mod disk;
 pub(crate) mod lesson;
 mod past;
+mod profile;
 pub(crate) mod pupil;
 mod tables;
 pub(crate) mod trials;
@@ -19,29 +20,33 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
+use palpate_env::Env;
 use palpate_runs::RunDir;
 use palpate_sac::Sac;
+use palpate_safety::Safe;
+use palpate_sim::SimArm;
 
 use crate::config::{Choice, Config};
 use crate::interrupt;
 use crate::progress::Progress;
-use crate::stack::{Purpose, sim_env};
+use crate::stack::{self, Purpose};
+use profile::{Laps, Timed};
 use pupil::{CONFIG, PROGRESS, Pupil};
 use world::{Lockstep, World};
 
-/// Starts a new run in simulation.
-pub fn start(choice: &Choice, out: Option<&Path>) -> anyhow::Result<()> {
+/// Starts a new run in simulation. With `profile` it ends by saying where the time went.
+pub fn start(choice: &Choice, out: Option<&Path>, profile: bool) -> anyhow::Result<()> {
     let config = Config::load(choice)?;
     let dir = create(&config, out)?;
     let world = simulation(&config, 0)?;
     let (observation, action) = world.dims();
     let agent = Sac::new(&config.sac, observation, action, config.run.seed)?;
     let world = world.recorded(&config, dir.path())?;
-    run(world, Pupil::new(config, dir, agent, Progress::default(), "train-sim")?)
+    run(world, Pupil::new(config, dir, agent, Progress::default(), "train-sim")?, profile)
 }
 
 /// Continues a simulated run from its last whole checkpoint, or from its beginning if it has none.
-pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<()> {
+pub fn resume(path: &Path, steps: Option<u64>, profile: bool) -> anyhow::Result<()> {
     let dir = RunDir::open(path)?;
     let set: Vec<String> = steps.map(|s| format!("run.steps={s}")).into_iter().collect();
     let config = Config::of_run(path, &set)?;
@@ -59,7 +64,7 @@ pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<()> {
         None => Sac::new(&config.sac, observation, action, config.run.seed)?,
     };
     let world = world.recorded(&config, dir.path())?;
-    run(world, Pupil::new(config, dir, agent, progress, "train-sim")?)
+    run(world, Pupil::new(config, dir, agent, progress, "train-sim")?, profile)
 }
 
 /// The run directory of a new run.
@@ -94,28 +99,29 @@ pub(crate) fn last_checkpoint(
     Ok(Some((Sac::load(&checkpoint)?, progress)))
 }
 
-fn simulation(
-    config: &Config,
-    next_episode: u64,
-) -> anyhow::Result<Lockstep<palpate_safety::Safe<palpate_sim::SimArm>>> {
-    let mut env = sim_env(config, config.run.seed, Purpose::Train)?;
+fn simulation(config: &Config, next_episode: u64) -> anyhow::Result<Lockstep<SimArm>> {
+    let mut env = timed_env(config, Purpose::Train)?;
     env.set_next_episode(next_episode);
-    Ok(Lockstep {
-        env,
-        monitor: sim_env(config, config.run.seed, Purpose::Monitor)?,
-        recorder: None,
-    })
+    Ok(Lockstep { env, monitor: timed_env(config, Purpose::Monitor)?, recorder: None })
+}
+
+fn timed_env(config: &Config, purpose: Purpose) -> anyhow::Result<Env<Safe<Timed<SimArm>>>> {
+    let chain = stack::chain(&config.robot)?;
+    let arm = stack::sim_arm(config, &chain, config.run.seed, purpose)?;
+    stack::env(config, chain, Timed::new(arm), config.run.seed, purpose)
 }
 
 /// The loop: episodes, and between them what is due.
-pub(crate) fn run(mut world: impl World, mut pupil: Pupil) -> anyhow::Result<()> {
+pub(crate) fn run(mut world: impl World, mut pupil: Pupil, profile: bool) -> anyhow::Result<()> {
     let started = Instant::now();
     pupil.begin();
     let every = |step: u64, every: u64| step / every;
     while !pupil.complete() && !interrupt::requested() {
         let before = pupil.progress.step;
         world.episode(&mut pupil)?;
+        let mut laps = Laps::begin();
         pupil.keep_verdicts(&world.verdicts())?;
+        pupil.profile.logging += laps.lap();
         let (step, run) = (pupil.progress.step, &pupil.config.run);
         let done = step >= run.steps || interrupt::requested();
         let (evaluate_every, checkpoint_every) = (run.evaluate_every, run.checkpoint_every);
@@ -123,14 +129,16 @@ pub(crate) fn run(mut world: impl World, mut pupil: Pupil) -> anyhow::Result<()>
             && let Some(evaluation) = world.evaluate(&mut pupil)?
         {
             pupil.evaluated(evaluation)?;
+            pupil.profile.evaluation += laps.lap();
         }
         if done || every(before, checkpoint_every) != every(step, checkpoint_every) {
             pupil.checkpoint()?;
+            pupil.profile.checkpoints += laps.lap();
         }
     }
     let (link, lost) = world.end();
     for what in lost {
         pupil.console.note(&format!("warning: {what}"));
     }
-    pupil.finish(started.elapsed().as_secs_f64(), link)
+    pupil.finish(started.elapsed().as_secs_f64(), link, profile)
 }

@@ -1,7 +1,5 @@
 //! The learner, and the account of what it went through.
 
-use std::time::{Duration, Instant};
-
 use anyhow::Result;
 use palpate_env::{Outcome, Summary};
 use palpate_runs::{CheckpointStore, Console, Metrics, RunDir, Slot, Table};
@@ -11,6 +9,7 @@ use palpate_safety::Entry;
 use super::book::Book;
 use super::disk::insist;
 use super::lesson::Lesson;
+use super::profile::{Laps, Profile};
 use super::tables::{EPISODES, METRICS};
 use crate::Config;
 use crate::progress::{Evaluation, Progress};
@@ -33,10 +32,12 @@ pub(crate) struct Pupil {
     ledger: Book,
     /// The command that resumes it.
     command: &'static str,
+    /// Steps of this process.
+    taken: u64,
     /// Latest statistics of the learner, for the next row.
     stats: Option<UpdateStats>,
-    /// Time spent on checkpoints.
-    saving: Duration,
+    /// Where the time goes.
+    pub(crate) profile: Profile,
 }
 
 impl Pupil {
@@ -58,8 +59,9 @@ impl Pupil {
             agent,
             progress,
             command,
+            taken: 0,
             stats: None,
-            saving: Duration::ZERO,
+            profile: Profile::default(),
         })
     }
 
@@ -78,6 +80,7 @@ impl Pupil {
 
     /// Remembers a step and learns.
     pub(crate) fn take(&mut self, lesson: &Lesson) -> Result<()> {
+        let mut laps = Laps::begin();
         self.agent.observe(&Transition {
             observation: &lesson.observation,
             action: &lesson.action,
@@ -88,9 +91,11 @@ impl Pupil {
             episode_end: lesson.episode_end,
         })?;
         self.progress.step += 1;
+        self.taken += 1;
         if let Some(stats) = self.agent.update()? {
             self.stats = Some(stats);
         }
+        self.profile.update += laps.lap();
         if let Some(summary) = &lesson.summary {
             self.progress.record(summary);
             self.write_episode(summary)?;
@@ -99,6 +104,7 @@ impl Pupil {
             self.write_row()?;
         }
         self.console.update(self.progress.step, &self.line());
+        self.profile.logging += laps.lap();
         Ok(())
     }
 
@@ -139,7 +145,6 @@ impl Pupil {
 
     /// Writes everything that is needed to go on from here.
     pub(crate) fn checkpoint(&mut self) -> Result<()> {
-        let began = Instant::now();
         self.progress.tables = (self.metrics.mark(), self.episodes.mark());
         self.progress.ledger = self.ledger.mark();
         let Self { config, agent, progress, console, store, metrics, episodes, ledger, .. } = self;
@@ -154,13 +159,19 @@ impl Pupil {
                 std::fs::write(dir.join(CONFIG), &config)?;
                 Ok(())
             })
-        })?;
-        self.saving += began.elapsed();
-        Ok(())
+        })
     }
 
     /// Writes the summary and says what comes next.
-    pub(crate) fn finish(mut self, seconds: f64, link: Option<serde_json::Value>) -> Result<()> {
+    pub(crate) fn finish(
+        mut self,
+        seconds: f64,
+        link: Option<serde_json::Value>,
+        profile: bool,
+    ) -> Result<()> {
+        if profile {
+            self.profile.show(&mut self.console, self.taken, seconds);
+        }
         let p = &self.progress;
         let complete = self.complete();
         let mut summary = serde_json::json!({
@@ -178,7 +189,7 @@ impl Pupil {
             "last_evaluation": p.evaluated,
             "best_evaluation": p.best,
             "seconds_this_time": seconds,
-            "seconds_on_checkpoints": self.saving.as_secs_f64(),
+            "seconds_on": self.profile,
         });
         let on_an_arm = link.is_some();
         if let Some(link) = link {

@@ -1,12 +1,15 @@
 //! Where experience comes from.
 
 use std::path::Path;
+use std::time::Duration;
 
 use palpate_env::{Env, Outcome};
+use palpate_robot_io::RobotBackend;
 use palpate_sac::Mode;
-use palpate_safety::{Entry, Guarded};
+use palpate_safety::{Entry, Safe};
 
 use super::lesson::Lesson;
+use super::profile::{Laps, Timed};
 use super::pupil::Pupil;
 use super::trials::Trials;
 use crate::Config;
@@ -31,19 +34,24 @@ pub(crate) trait World {
 
 /// A world whose time stands still while the learner learns.
 #[derive(Debug)]
-pub(crate) struct Lockstep<R: Guarded> {
+pub(crate) struct Lockstep<B: RobotBackend> {
     /// Training episodes.
-    pub(crate) env: Env<R>,
+    pub(crate) env: Env<Safe<Timed<B>>>,
     /// Frozen starts of the evaluations.
-    pub(crate) monitor: Env<R>,
+    pub(crate) monitor: Env<Safe<Timed<B>>>,
     /// Keeps collisions and evaluations.
     pub(crate) recorder: Option<Recorder>,
 }
 
-impl<R: Guarded> Lockstep<R> {
+impl<B: RobotBackend> Lockstep<B> {
     /// Length of an observation and of an action.
     pub(crate) fn dims(&self) -> (usize, usize) {
         (self.env.observation_dim(), self.env.action_dim())
+    }
+
+    /// Time that the world of the training episodes has taken so far.
+    fn simulated(&self) -> Duration {
+        self.env.robot().backend().spent()
     }
 
     /// The same, recorded into the run as configured.
@@ -60,23 +68,28 @@ impl<R: Guarded> Lockstep<R> {
     }
 }
 
-impl<R: Guarded> World for Lockstep<R> {
+impl<B: RobotBackend> World for Lockstep<B> {
     /// An update of the learner after every step.
     fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()> {
-        let rebuilt = self.env.rebuilt();
+        let (rebuilt, mut laps) = (self.env.rebuilt(), Laps::begin());
+        let simulated = self.simulated();
         self.env.reset()?;
         // A resumed run does not come the same way: what was said on it is not part of the run.
         self.env.ledger_mut().clear_entries();
         let mut observation = self.env.observation().to_vec();
         let mut action = vec![0.0f32; self.env.action_dim()];
         let mut lesson = Lesson::blank(observation.len(), action.len());
+        let mut acting = laps.lap();
         loop {
             pupil.agent.act(&observation, Mode::Explore, &mut action)?;
+            pupil.profile.inference += laps.lap();
             let wide: Vec<f64> = action.iter().copied().map(f64::from).collect();
             let step = self.env.step(&wide)?;
             lesson.write(&self.env, &observation, &action, step);
             observation.clone_from(&lesson.next);
+            acting += laps.lap();
             pupil.take(&lesson)?;
+            laps.lap();
             if let Some(summary) = &lesson.summary {
                 if let Some(recorder) = &mut self.recorder
                     && summary.outcome == Outcome::Collision
@@ -84,6 +97,10 @@ impl<R: Guarded> World for Lockstep<R> {
                     recorder.keep(&mut self.env, Kind::Collision, true);
                 }
                 pupil.progress.rebuilt += self.env.rebuilt() - rebuilt;
+                pupil.profile.logging += laps.lap();
+                let simulation = self.simulated() - simulated;
+                pupil.profile.simulation += simulation;
+                pupil.profile.control += acting.saturating_sub(simulation);
                 return Ok(());
             }
         }
