@@ -71,9 +71,9 @@ pub(crate) enum Kind {
 impl Kind {
     fn name(&self, episode: u64, outcome: Outcome) -> String {
         match self {
-            Kind::Collision => format!("collision_{episode:06}"),
-            Kind::Evaluation { step, episode } => format!("eval_{step:07}_{episode:03}"),
-            Kind::Policy(policy) => {
+            Self::Collision => format!("collision_{episode:06}"),
+            Self::Evaluation { step, episode } => format!("eval_{step:07}_{episode:03}"),
+            Self::Policy(policy) => {
                 let words: Vec<&str> = policy
                     .split(|c: char| !c.is_ascii_alphanumeric())
                     .filter(|word| !word.is_empty())
@@ -105,6 +105,7 @@ pub struct Recorder {
     thread: Option<JoinHandle<Vec<String>>>,
     folder: PathBuf,
     /// Tapes that are ready, so that none has to be made on a control thread.
+    #[expect(clippy::vec_box, reason = "a box more or less would be an allocation")]
     spare: Vec<Box<Tape>>,
     unrecorded: u64,
 }
