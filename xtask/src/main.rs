@@ -4,6 +4,7 @@
 //! everything that computes runs in release.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a command line tool speaks")]
 
+mod bench;
 mod ci;
 mod examples;
 mod palpate;
@@ -45,7 +46,7 @@ Repository:
   test [ARGS…]     all tests, then doctests; ARGS (a name, -p CRATE) go to the runner, then no doctests
   ci [--only STEP]…  every check that must pass before a merge, or only some
   tidy             layering, file size, links, assets, stray paths
-  bench [ARGS…]    criterion benchmarks
+  bench [ARGS…]    an update beside this machine's limit and beside PyTorch and JAX, then criterion benchmarks
   soak shield [ACTIONS [SEED]]  adversaries against the fail-safe layer, 10⁷ actions
   soak link --minutes M   the 500 Hz loop against the virtual controller, beside a learner that never rests
   soak packets     10⁷ damaged packets through the protocol cores of client and server
@@ -79,10 +80,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Some("test") => test::command(&rest)?,
         Some("ci") => return Ok(ci::command(&rest)),
         Some("tidy") => tidy::command()?,
-        Some("bench") => {
-            let sh = workspace::shell()?;
-            cmd!(sh, "cargo bench --workspace --bench * {rest...}").run()?;
-        }
+        Some("bench") => bench::command(&rest)?,
         Some("stability") => {
             let sh = workspace::shell()?;
             cmd!(sh, "cargo run --release -p palpate-control --example stability_map -- {rest...}")

@@ -12,7 +12,11 @@ use crate::workspace::cargo;
 
 /// Builds the binary if it is stale and gives its path.
 pub(crate) fn binary() -> anyhow::Result<PathBuf> {
-    executables(&["-p", "palpate", "--bin", "palpate"])?
+    built_with(&[])
+}
+
+fn built_with(features: &[&str]) -> anyhow::Result<PathBuf> {
+    executables(&[&["-p", "palpate", "--bin", "palpate"], features].concat())?
         .pop()
         .map(|(_, path)| path)
         .context("cargo built no executable called palpate")
@@ -20,7 +24,10 @@ pub(crate) fn binary() -> anyhow::Result<PathBuf> {
 
 /// Builds and becomes `palpate ARGS…`.
 pub(crate) fn exec(args: &[OsString]) -> anyhow::Result<ExitCode> {
-    let mut command = Command::new(binary()?);
+    let on_a_gpu = args.windows(2).any(|pair| pair[0] == "--device" && pair[1] == "cuda")
+        || args.iter().any(|arg| arg == "--device=cuda");
+    let features: &[&str] = if on_a_gpu { &["--features", "cuda"] } else { &[] };
+    let mut command = Command::new(built_with(features)?);
     command.args(args);
     become_it(command)
 }

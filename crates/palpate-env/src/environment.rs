@@ -50,6 +50,7 @@ pub struct Env<R: Guarded> {
     seed: u64,
     next_episode: u64,
     rebuilt: u64,
+    started: f64,
     episode: Option<Episode>,
     /// What goes on, for whoever wants to see it.
     tape: Option<Box<Tape>>,
@@ -88,6 +89,7 @@ impl<R: Guarded> Env<R> {
             seed,
             next_episode: 0,
             rebuilt: 0,
+            started: 0.0,
             episode: None,
             tape: None,
         })
@@ -157,7 +159,7 @@ impl<R: Guarded> Env<R> {
 
     /// The robot's clock when the last episode began, s; 0 before the first.
     pub fn started(&self) -> f64 {
-        self.episode.as_ref().map_or(0.0, |e| e.started)
+        self.started
     }
 
     /// x_e against the believed goal, base axes, of the episode under way.
@@ -234,6 +236,7 @@ impl<R: Guarded> Env<R> {
             self.robot.ledger().counts(),
         ));
         self.next_episode += 1;
+        self.started = measurement.state.time;
         Ok(())
     }
 

@@ -54,8 +54,6 @@ pub(crate) struct Episode {
     pub(crate) reference: Pose,
     /// x_max of the reward.
     pub(crate) error_scale: Vector6,
-    /// The robot's clock at its beginning, s.
-    pub(crate) started: f64,
     pub(crate) measurement: Measurement,
     pub(crate) tally_before: Tally,
     verdicts_before: Counts,
@@ -82,7 +80,6 @@ impl Episode {
             start,
             reference,
             error_scale,
-            started: measurement.state.time,
             measurement: *measurement,
             tally_before,
             verdicts_before,

@@ -29,6 +29,16 @@ pub enum EnvError<E: std::error::Error + 'static> {
     /// The way back to the start was refused.
     #[error("the way back to the start was refused: {0}")]
     ResetRefused(Refusal),
+    /// The way back to the start leads nowhere: what holds the tool.
+    #[error(
+        "the way back to the start goes no further: {force:.0} N and {torque:.1} N·m hold the tool"
+    )]
+    ResetStuck {
+        /// Norm of the contact force, N.
+        force: f64,
+        /// Norm of the contact torque about the tool centre point, N·m.
+        torque: f64,
+    },
     /// The way back failed too often: a person must look.
     #[error(
         "{tries} tries to drive back to the start failed; a person must look at the arm. The last one: {last}"
@@ -48,7 +58,10 @@ pub enum EnvError<E: std::error::Error + 'static> {
 pub(crate) fn is_stuck<R: Guarded>(error: &EnvError<R::Error>) -> bool {
     match error {
         EnvError::Robot(e) => R::fault(e) == Some(FaultKind::Simulation),
-        EnvError::ResetForce(_) | EnvError::ResetRefused(_) | EnvError::AskHuman { .. } => true,
+        EnvError::ResetForce(_)
+        | EnvError::ResetRefused(_)
+        | EnvError::ResetStuck { .. }
+        | EnvError::AskHuman { .. } => true,
         _ => false,
     }
 }

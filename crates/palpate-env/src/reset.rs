@@ -1,13 +1,16 @@
 //! The safe path back to the start.
 #![expect(clippy::neg_cmp_op_on_partial_ord, reason = "a height that is NaN ends the way out")]
 
+mod loosen;
+
 use palpate_kinematics::IkOptions;
 use palpate_safety::Cause;
 use palpate_safety::shield::{Action, Recovery, Seen, Standing};
 use palpate_safety::{Guarded, Measurement, Mode, Refusal, Verdict};
-use palpate_spatial::{JointVector, Pose, Vector3};
+use palpate_spatial::{JointVector, Pose, Vector3, integrate};
 
 use crate::{EnvError, ResetConfig};
+use loosen::{Progress, give};
 
 /// Refused commands in a row after which the path counts as blocked.
 const PATIENCE: u32 = 50;
@@ -75,9 +78,11 @@ fn recover<R: Guarded>(
             Action::Path => {
                 failure = match path(robot, way, q_start) {
                     Ok(()) => None,
-                    Err(e @ (EnvError::ResetForce(_) | EnvError::ResetRefused(_))) => {
-                        Some(e.to_string())
-                    }
+                    Err(
+                        e @ (EnvError::ResetForce(_)
+                        | EnvError::ResetRefused(_)
+                        | EnvError::ResetStuck { .. }),
+                    ) => Some(e.to_string()),
                     Err(e) => return Err(e),
                 };
             }
@@ -139,24 +144,31 @@ fn come_to_rest<R: Guarded>(robot: &mut R) -> Result<Option<Measurement>, EnvErr
     Ok(last)
 }
 
-/// Straight out along the hole's axis until the tool is clear of the board.
+/// Out along the hole's axis until the tool is clear of the board, giving way to what else holds it.
 fn way_out<R: Guarded>(
     robot: &mut R,
     config: &ResetConfig,
     base_T_hole: &Pose,
     mut m: Measurement,
 ) -> Result<Measurement, EnvError<R::Error>> {
-    let step = config.linear_speed * robot.period().as_secs_f64();
+    let dt = robot.period().as_secs_f64();
+    let pull_max = robot.limits().reset.force_max;
     let axis = base_T_hole.rotation * Vector3::z();
     let mut base_T_tool = robot.chain().forward(&m.state.q_target);
-    let mut refused = 0;
+    let (mut refused, mut progress) = (0, Progress::new(dt));
     loop {
         let height = (base_T_tool.translation.vector - base_T_hole.translation.vector).dot(&axis);
         if !(height < config.clearance) {
             return Ok(come_to_rest(robot)?.unwrap_or(m));
         }
-        let mut next = base_T_tool;
-        next.translation.vector += axis * step;
+        if !progress.made(height) {
+            return Err(EnvError::ResetStuck {
+                force: m.wrench.force.norm(),
+                torque: m.wrench.torque.norm(),
+            });
+        }
+        let twist = give(&m.wrench, &axis, config.linear_speed, pull_max);
+        let next = integrate(&base_T_tool, &twist, dt);
         let verdict = robot.command(&next).map_err(EnvError::Robot)?;
         let governed = robot.decision().and_then(|decision| decision.governed);
         match verdict {
@@ -190,7 +202,7 @@ fn way_over<R: Guarded>(
     // The fastest joint peaks at π/2 times its mean speed.
     let duration = path.amax() * std::f64::consts::FRAC_PI_2 / config.joint_speed;
     let ticks = (duration / dt).ceil().max(1.0) as u64;
-    let mut tick = 1;
+    let (mut tick, mut progress) = (1, Progress::new(dt));
     while tick <= ticks {
         let s = tick as f64 / ticks as f64;
         let blend = (1.0 - (std::f64::consts::PI * s).cos()) / 2.0;
@@ -198,6 +210,11 @@ fn way_over<R: Guarded>(
         // A shield may slow the arm down: the path waits for it.
         let slowed = robot.decision().and_then(|d| d.cause).is_some_and(Cause::is_slowed);
         tick += u64::from(!slowed);
+        if !progress.made(tick as f64) {
+            let wrench = robot.sense().map_err(EnvError::Robot)?.wrench;
+            let (force, torque) = (wrench.force.norm(), wrench.torque.norm());
+            return Err(EnvError::ResetStuck { force, torque });
+        }
     }
     // Exactly the goal, whatever the cosine rounded to.
     follow_joints(robot, to, refused)

@@ -6,7 +6,9 @@ mod rig;
 use std::time::Duration;
 
 use palpate_env::EnvError;
+use palpate_kinematics::{IkOptions, SerialChain};
 use palpate_robot_io::{IdealArm, IdealArmError, JointCommand, RobotBackend, RobotState};
+use palpate_safety::Mode;
 use palpate_spatial::JointVector;
 
 /// Pulls at the tool while it is stuck. Beyond the limits of the preset, N.
@@ -72,4 +74,61 @@ fn an_arm_whose_tool_is_stuck_is_left_to_a_person() {
     let mut env = rig::env(stuck(false), "p-14", 1, |_, _| {});
     assert!(matches!(env.reset(), Err(EnvError::ResetForce(_))));
     assert_eq!(env.rebuilt(), 0);
+}
+
+/// An arm whose tool is held as by a glue: 20 N/mm against any motion up.
+struct Glued {
+    arm: IdealArm,
+    home: f64,
+    chain: SerialChain<6>,
+}
+
+impl RobotBackend for Glued {
+    type Error = IdealArmError;
+    fn period(&self) -> Duration {
+        self.arm.period()
+    }
+    fn read(&mut self) -> Result<RobotState, Self::Error> {
+        let state = self.arm.read()?;
+        let up = self.chain.forward(&state.q).translation.z - self.home;
+        // The flange looks down: what pulls the tool down is along its +z.
+        self.arm.load.force.z = 2e4 * up.max(0.0);
+        Ok(state)
+    }
+    fn write(&mut self, command: &JointCommand) -> Result<(), Self::Error> {
+        self.arm.write(command)
+    }
+    fn stop(&mut self) -> Result<(), Self::Error> {
+        self.arm.stop()
+    }
+    fn recover(&mut self) -> Result<(), Self::Error> {
+        self.arm.recover()
+    }
+    fn tare(&mut self) -> Result<(), Self::Error> {
+        self.arm.tare()
+    }
+}
+
+/// A shield slows pulling down to nothing before any limit is reached: this must end all the same.
+#[test]
+fn a_tool_that_is_held_below_every_limit_is_not_pulled_at_for_ever() {
+    for shielded in [false, true] {
+        let chain = rig::flange().with_tool(rig::tool0_T_tool());
+        let options = IkOptions::default();
+        let deep = chain.solve_near(&rig::task().base_T_goal(), &home(), &options).unwrap().q;
+        let home = chain.forward(&deep).translation.z;
+        let glued = Glued { arm: IdealArm::at(deep), home, chain };
+        let mut env = rig::env(glued, "p-14", 1, |preset, _| {
+            preset.safety.mode = if shielded { Mode::Shield } else { Mode::ForceFirst };
+        });
+        match env.reset().unwrap_err() {
+            EnvError::ResetStuck { force, .. } if !shielded => {
+                assert!((20.0..60.0).contains(&force), "{force}");
+            }
+            EnvError::AskHuman { tries: 3, last } if shielded => {
+                assert!(last.contains("goes no further"), "{last}");
+            }
+            other => panic!("{other}"),
+        }
+    }
 }

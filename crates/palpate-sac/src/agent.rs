@@ -1,6 +1,6 @@
 //! The agent: acts, remembers, learns.
 
-use candle_core::{Device, Tensor};
+use candle_core::Tensor;
 use rand::Rng;
 
 use crate::error::{check_length, check_vector};
@@ -147,7 +147,7 @@ impl Sac {
             self.config;
         let (o, a) = (self.observation_dim, self.action_dim);
         // One column after the other: reads that do not wait for each other hide the distance to memory.
-        let Self { replay, streams, .. } = self;
+        let Self { replay, streams, learner, .. } = self;
         let slots: Vec<usize> = (0..rows).map(|_| replay.draw(&mut streams.replay)).collect();
         let returns: Vec<Return> =
             slots.iter().map(|slot| replay.n_step(*slot, n_step, gamma)).collect();
@@ -163,23 +163,20 @@ impl Sac {
             gather(rows * o, returns.iter().map(|r| replay.next_observation(r.slot)));
         let reward = returns.iter().map(|r| (reward_scale * r.reward) as f32).collect();
         let discount = returns.iter().map(|r| r.discount as f32).collect();
+        let device = learner.device();
         let mut noise = || {
             let mut noise = vec![0.0; rows * a];
-            fill_normal(&mut self.streams.update, &mut noise);
-            Tensor::from_vec(noise, (rows, a), &Device::Cpu)
+            fill_normal(&mut streams.update, &mut noise);
+            Tensor::from_vec(noise, (rows, a), device)
         };
         Ok(Batch {
             target_noise: noise()?,
             actor_noise: noise()?,
-            observation: Tensor::from_vec(observation, (rows, o), &Device::Cpu)?,
-            action: Tensor::from_vec(action, (rows, a), &Device::Cpu)?,
-            reward: Tensor::from_vec::<_, f32>(reward, rows, &Device::Cpu)?,
-            discount: Tensor::from_vec::<_, f32>(discount, rows, &Device::Cpu)?,
-            bootstrap_observation: Tensor::from_vec(
-                bootstrap_observation,
-                (rows, o),
-                &Device::Cpu,
-            )?,
+            observation: Tensor::from_vec(observation, (rows, o), device)?,
+            action: Tensor::from_vec(action, (rows, a), device)?,
+            reward: Tensor::from_vec::<_, f32>(reward, rows, device)?,
+            discount: Tensor::from_vec::<_, f32>(discount, rows, device)?,
+            bootstrap_observation: Tensor::from_vec(bootstrap_observation, (rows, o), device)?,
         })
     }
 

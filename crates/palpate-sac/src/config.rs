@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::SacError;
+use crate::{Processor, SacError};
 
 /// How the networks are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -80,6 +80,9 @@ impl From<TargetEntropy> for EntropyKey {
 pub struct SacConfig {
     /// Which implementation of the networks.
     pub ops: Ops,
+    /// What computes it. Files from before this key are read as the CPU.
+    #[serde(default)]
+    pub device: Processor,
     /// Threads of an update with [`Ops::Fused`]: 1 or 2, or 0 for as many of these as there are cores. No
     /// result depends on it. Files from before this key are read as 0.
     #[serde(default)]
@@ -130,6 +133,7 @@ impl Default for SacConfig {
     fn default() -> Self {
         Self {
             ops: Ops::Fused,
+            device: Processor::Cpu,
             threads: 0,
             hidden: vec![256, 256],
             critic_layer_norm: true,
@@ -173,6 +177,10 @@ impl SacConfig {
                 "hidden",
                 format!("needs layers of at least one unit, got {:?}", self.hidden),
             );
+        }
+        if self.device == Processor::Cuda && self.ops == Ops::Fused {
+            let reason = "cuda computes plain operations only: set sac.ops = \"plain\" with it";
+            return refuse("device", reason.into());
         }
         if self.threads > 2 {
             let got = self.threads;
@@ -295,6 +303,7 @@ mod tests {
         assert!(refused(|c| c.hidden = vec![4, 0]).contains("hidden"));
         assert!(refused(|c| c.batch_size = 0).contains("batch_size"));
         assert!(refused(|c| c.threads = 3).contains("threads"));
+        assert!(refused(|c| c.device = Processor::Cuda).contains("sac.ops"));
         assert!(refused(|c| c.actor_learning_rate = f64::INFINITY).contains("actor_learning_rate"));
         assert!(refused(|c| c.alpha_learning_rate = f64::NAN).contains("alpha_learning_rate"));
         assert!(refused(|c| c.init_std = 10.0).contains("init_std"));

@@ -97,7 +97,8 @@ impl Learner {
     ) -> Result<Self, SacError> {
         // Plain operations bring candle's own threads.
         let threads = if config.ops == Ops::Fused { config.update_threads() } else { 1 };
-        let engine = Engine { ops: config.ops, team: Arc::new(Team::new(threads)?) };
+        let device = config.device.device()?;
+        let engine = Engine { ops: config.ops, device, team: Arc::new(Team::new(threads)?) };
         let bounds = LogStd { min: config.log_std_min as f32, max: config.log_std_max as f32 };
         let actor_shape = Shape::new(observation_dim, &config.hidden, 2 * action_dim, false);
         let actor = initial_actor(&actor_shape, bounds.raw(config.init_std.ln() as f32), streams);
@@ -128,6 +129,11 @@ impl Learner {
             log_alpha: Var::from_vec(vec![config.initial_alpha.ln() as f32], 1, &Device::Cpu)?,
             engine,
         })
+    }
+
+    /// Where batches have to be.
+    pub(crate) fn device(&self) -> &Device {
+        &self.engine.device
     }
 
     pub(crate) fn team(&self) -> Arc<Team> {
@@ -226,7 +232,8 @@ impl Learner {
 
     /// The lower critic's value of one action.
     pub(crate) fn value(&self, observation: &[f32], action: &[f32]) -> TensorResult<f32> {
-        let row = |values: &[f32]| Tensor::from_slice(values, (1, values.len()), &Device::Cpu);
+        let row =
+            |values: &[f32]| Tensor::from_slice(values, (1, values.len()), &self.engine.device);
         scalar(&Self::lower(&self.critics, &row(observation)?, &row(action)?, Flow::Nowhere)?)
     }
 }

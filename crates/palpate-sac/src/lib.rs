@@ -40,6 +40,8 @@
 //!
 //! - Observations are scaled to O(1) by the caller; actions are in [−1, 1]; numbers are f32.
 //! - Every random number comes from one of four ChaCha8 streams of the seed, saved with the agent.
+//! - With the feature `cuda` and [`Processor::Cuda`] candle computes the updates on an NVIDIA GPU, by plain
+//!   operations; Adam's steps are taken on the CPU, where its moments are saved from.
 //! - With [`Ops::Fused`] everything runs on the calling thread. candle's matrix product and its
 //!   element-wise operations on 65,536 numbers or more use thread pools; the fused operations keep
 //!   such work inside their own loops, so that no pool is ever started, whatever
@@ -61,6 +63,7 @@ mod norm;
 mod op;
 mod optimiser;
 mod policy;
+mod processor;
 mod product;
 mod replay;
 mod rng;
@@ -75,4 +78,5 @@ pub use config::{LearnFrom, Ops, SacConfig, TargetEntropy};
 pub use error::SacError;
 pub use learner::UpdateStats;
 pub use policy::Policy;
+pub use processor::Processor;
 pub use replay::Transition;

@@ -27,6 +27,7 @@ pub(crate) enum Flow {
 #[derive(Clone, Debug)]
 pub(crate) struct Engine {
     pub(crate) ops: Ops,
+    pub(crate) device: Device,
     pub(crate) team: Arc<Team>,
 }
 
@@ -52,7 +53,7 @@ pub(crate) struct Network {
 
 impl Network {
     pub(crate) fn new(engine: &Engine, shape: Shape, parameters: Vec<f32>) -> Result<Self> {
-        let variable = Var::from_vec(parameters, shape.parameters(), &Device::Cpu)?;
+        let variable = Var::from_vec(parameters, shape.parameters(), &engine.device)?;
         Ok(Self { engine: engine.clone(), shape: Arc::new(shape), variable, area: Arc::default() })
     }
 
@@ -76,6 +77,10 @@ impl Network {
 
     /// Copies the flat parameters into a slice of their number.
     pub(crate) fn copy_parameters(&self, to: &mut [f32]) -> Result<()> {
+        if !self.engine.device.is_cpu() {
+            to.copy_from_slice(&self.parameters()?);
+            return Ok(());
+        }
         let (storage, layout) = self.variable.storage_and_layout();
         to.copy_from_slice(contiguous(cpu(&storage)?, layout)?);
         Ok(())
@@ -84,7 +89,8 @@ impl Network {
     /// Replaces the flat parameters.
     pub(crate) fn assign(&self, parameters: Vec<f32>) -> Result<()> {
         lock(&self.area)?.parameters_changed();
-        self.variable.set(&Tensor::from_vec(parameters, self.shape.parameters(), &Device::Cpu)?)
+        let (size, device) = (self.shape.parameters(), &self.engine.device);
+        self.variable.set(&Tensor::from_vec(parameters, size, device)?)
     }
 
     /// Output rows for input rows [held | x].

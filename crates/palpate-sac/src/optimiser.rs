@@ -50,12 +50,24 @@ pub(crate) fn step_variable(
         correction: (1.0 / (1.0 - BETA2.powf(power)).sqrt()) as f32,
         epsilon: EPSILON,
     };
-    variable.inplace_op1(&Adam { step, gradient, moments: RefCell::new(moments) })?;
+    let adam = Adam { step, gradient, moments: RefCell::new(moments) };
+    if variable.device().is_cpu() {
+        variable.inplace_op1(&adam)?;
+    } else {
+        // The moments live here, as they are saved; so the step is taken here.
+        let (mut parameters, shape) = (variable.to_vec1()?, variable.shape());
+        adam.step(&mut parameters)?;
+        variable.set(&Tensor::from_vec(parameters, shape, variable.device())?)?;
+    }
     Ok(norm)
 }
 
 /// target += τ (source − target).
 pub(crate) fn track(target: &Var, source: &Tensor, tau: f64) -> Result<()> {
+    if !target.device().is_cpu() {
+        let step = (source - target.as_tensor())?.affine(tau, 0.0)?;
+        return target.set(&(target.as_tensor() + step)?);
+    }
     target.inplace_op2(source, &Track { tau: tau as f32 })
 }
 
@@ -66,20 +78,25 @@ struct Adam<'a> {
     moments: RefCell<&'a mut Moments>,
 }
 
+impl Adam<'_> {
+    fn step(&self, parameters: &mut [f32]) -> Result<()> {
+        let mut moments = self.moments.borrow_mut();
+        let Moments { first, second, .. } = &mut **moments;
+        if [self.gradient.len(), first.len(), second.len()] != [parameters.len(); 3] {
+            bail!("{} parameters given a gradient of {}", parameters.len(), self.gradient.len());
+        }
+        kernel::adam(self.step, parameters, self.gradient, first, second);
+        Ok(())
+    }
+}
+
 impl InplaceOp1 for Adam<'_> {
     fn name(&self) -> &'static str {
         "adam"
     }
 
     fn cpu_fwd(&self, variable: &mut CpuStorage, layout: &Layout) -> Result<()> {
-        let mut moments = self.moments.borrow_mut();
-        let Moments { first, second, .. } = &mut **moments;
-        let parameters = contiguous_mut(variable, layout)?;
-        if [self.gradient.len(), first.len(), second.len()] != [parameters.len(); 3] {
-            bail!("{} parameters given a gradient of {}", parameters.len(), self.gradient.len());
-        }
-        kernel::adam(self.step, parameters, self.gradient, first, second);
-        Ok(())
+        self.step(contiguous_mut(variable, layout)?)
     }
 }
 

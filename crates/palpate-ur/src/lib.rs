@@ -56,6 +56,6 @@ pub use config::{ForcePoint, Payload, Ports, UrConfig};
 pub use error::UrError;
 pub use link::RtdeClient;
 pub use model::{ModelError, model_error};
-pub use realtime::{Background, Realtime, background, realtime};
+pub use realtime::{Background, Realtime, background, lock_memory, realtime};
 pub use sample::{Report, Sample, pose};
 pub use script::{TEMPLATE, Upload, control_program};

@@ -37,16 +37,24 @@ pub fn realtime(priority: u8, lock: bool) -> Realtime {
     Realtime { fifo, locked: if lock { lock_memory() } else { Err("not asked for".into()) } }
 }
 
+/// Locks the memory that the process has by now: after something large was taken for a thread that must not wait for it.
+///
+/// # Errors
+/// Why it is not permitted, and what to do about it.
 #[cfg(target_os = "linux")]
-fn lock_memory() -> Result<(), String> {
+pub fn lock_memory() -> Result<(), String> {
     use rustix::mm::{MlockAllFlags, mlockall};
     mlockall(MlockAllFlags::CURRENT).map_err(|e| {
         format!("mlockall is not permitted ({e}): set memlock in /etc/security/limits.d, or CAP_IPC_LOCK")
     })
 }
 
+/// Locks the memory that the process has by now.
+///
+/// # Errors
+/// Always: there is no such call here.
 #[cfg(not(target_os = "linux"))]
-fn lock_memory() -> Result<(), String> {
+pub fn lock_memory() -> Result<(), String> {
     Err("not on this system".into())
 }
 

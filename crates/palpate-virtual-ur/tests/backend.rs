@@ -48,6 +48,28 @@ fn the_backend_contract_holds() {
     }
 }
 
+#[test]
+fn an_arm_that_is_let_go_in_motion_comes_to_rest_and_its_program_ends() {
+    let robot = robot();
+    let mut arm = connect(&robot);
+    let mut q = arm.read().unwrap().q;
+    for _ in 0..200 {
+        q[5] += 0.001;
+        arm.write(&JointCommand { q }).unwrap();
+        arm.read().unwrap();
+    }
+    drop(arm);
+    let mut said = String::new();
+    for _ in 0..50 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        said += &log(&robot);
+        if said.contains("palpate control program ended") {
+            return;
+        }
+    }
+    panic!("the program goes on: {said}");
+}
+
 /// Turns the last joint at 0.2 rad/s, lets something go wrong, and goes on until there is an error.
 fn until_error(robot: &Handle, arm: &mut UrArm, fault: &Fault) -> Option<FaultKind> {
     let mut q = arm.read().unwrap().q;

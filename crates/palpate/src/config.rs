@@ -140,7 +140,7 @@ impl Config {
     fn resolve(choice: &Choice, arm: Option<&UrConfig>) -> anyhow::Result<Self> {
         let policy =
             format!("[policy]\n{}", nest(asset("policy model", MODELS, &choice.model)?, "policy"));
-        let base = Layer {
+        let mut base = Layer {
             name: format!(
                 "preset {} + task {} + model {}",
                 choice.preset, choice.task, choice.model
@@ -163,36 +163,50 @@ impl Config {
         if arm.is_some() && base.text.contains("[safety.shield]") {
             layers.push(Layer { name: "the default on an arm".into(), text: ON_AN_ARM.into() });
         }
-        if let Some(path) = &choice.file {
-            let text = std::fs::read_to_string(path)
-                .with_context(|| format!("cannot read the config file {}", path.display()))?;
-            layers.push(Layer { name: path.display().to_string(), text });
+        let file = choice.file.as_deref().map(file_layer).transpose()?;
+        // A cell's file is for the simulation as well, which has no arm: its keys are checked and left out.
+        let idle = arm.is_none() && file.as_ref().is_some_and(|file| names_an_arm(&file.text));
+        if idle {
+            base.text += &arm_text(&UrConfig::at(""))?;
         }
-        let table = resolve(&base, &layers, &choice.set, OPEN)?;
-        let config: Self = parse(table)?;
+        layers.extend(file);
+        let mut set: Vec<String> = arm.map_or_else(Vec::new, place_of);
+        set.extend_from_slice(&choice.set);
+        let resolved = resolve(&base, &layers, &set, OPEN)?;
+        let config: Self = parse(if idle { resolved.without("ur") } else { resolved })?;
         config.validate()?;
         Ok(config)
     }
 
     /// Reads the resolved configuration of a run, changed by `set`.
     pub fn of_run(dir: &Path, set: &[String]) -> anyhow::Result<Self> {
-        Self::reread(dir, None, set)
+        Self::reread(dir, None, None, set)
     }
 
-    /// The same for an arm. A run that was made on one keeps its settings, but not where it was.
-    pub fn of_run_for(dir: &Path, arm: &UrConfig, set: &[String]) -> anyhow::Result<Self> {
-        Self::reread(dir, Some(arm), set)
+    /// The same for an arm. A run that was made on one keeps its settings, but not where it was. The keys of `file`
+    /// override the run's.
+    pub fn of_run_for(
+        dir: &Path,
+        arm: &UrConfig,
+        file: Option<&Path>,
+        set: &[String],
+    ) -> anyhow::Result<Self> {
+        Self::reread(dir, Some(arm), file, set)
     }
 
-    fn reread(dir: &Path, arm: Option<&UrConfig>, set: &[String]) -> anyhow::Result<Self> {
+    fn reread(
+        dir: &Path,
+        arm: Option<&UrConfig>,
+        file: Option<&Path>,
+        set: &[String],
+    ) -> anyhow::Result<Self> {
         let path = dir.join("config.toml");
         let mut text = std::fs::read_to_string(&path)
             .with_context(|| format!("cannot read {}: is this a run?", path.display()))?;
         let mut set = set.to_vec();
         if let Some(arm) = arm {
-            if toml::from_str::<toml::Table>(&text).is_ok_and(|run| run.contains_key("ur")) {
-                set.insert(0, format!("ur.host={:?}", arm.host));
-                set.insert(1, format!("ur.ports.rtde={}", arm.ports.rtde));
+            if names_an_arm(&text) {
+                set.splice(0..0, place_of(arm));
             } else {
                 if text.contains("[safety.shield]") {
                     set.insert(0, "safety.mode=shield".into());
@@ -204,8 +218,9 @@ impl Config {
             }
         }
         let name = path.display().to_string();
+        let layers: Vec<Layer> = file.map(file_layer).transpose()?.into_iter().collect();
         let read = || -> anyhow::Result<Self> {
-            let table = resolve(&Layer { name: name.clone(), text }, &[], &set, OPEN)?;
+            let table = resolve(&Layer { name: name.clone(), text }, &layers, &set, OPEN)?;
             let config: Self = parse(table)?;
             config.validate()?;
             Ok(config)
@@ -288,6 +303,23 @@ fn by_axes(warnings: impl Iterator<Item = String>) -> Vec<String> {
     groups.into_iter().map(sentence).collect()
 }
 
+/// Where the arm is, as overrides: the command line says it, whatever files say.
+fn place_of(arm: &UrConfig) -> Vec<String> {
+    vec![format!("ur.host={:?}", arm.host), format!("ur.ports.rtde={}", arm.ports.rtde)]
+}
+
+/// A user's file.
+fn file_layer(path: &Path) -> anyhow::Result<Layer> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read the config file {}", path.display()))?;
+    Ok(Layer { name: path.display().to_string(), text })
+}
+
+/// Whether a text has the table `[ur]`.
+fn names_an_arm(text: &str) -> bool {
+    toml::from_str::<toml::Table>(text).is_ok_and(|table| table.contains_key("ur"))
+}
+
 /// An arm's settings as the table `[ur]`.
 fn arm_text(arm: &UrConfig) -> anyhow::Result<String> {
     let text = toml::to_string(arm).context("cannot write the arm's settings as TOML")?;
@@ -323,6 +355,9 @@ fn nest(text: &str, parent: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use palpate_safety::Mode;
+
+    use crate::stack::{Purpose, sim_env};
 
     fn choice(preset: &str, task: &str, model: &str, set: &[&str]) -> Choice {
         Choice {
@@ -352,6 +387,37 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("config.toml"), config.to_toml().unwrap()).unwrap();
         assert_eq!(Config::of_run(dir.path(), &[]).unwrap(), config);
+    }
+
+    /// The example of the how-to page, with and without an arm.
+    #[test]
+    fn the_example_cell_stands_the_shield_and_its_arm_is_left_out_of_a_simulation() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("cell.toml");
+        let text = include_str!("../../../docs/how-to/cell.toml");
+        std::fs::write(&file, format!("{text}\n[ur]\nhost = \"elsewhere\"\nstale_ticks = 8\n"))
+            .unwrap();
+        let choice =
+            Choice { file: Some(file.clone()), ..choice("palpate", "peg-insertion", "P-14", &[]) };
+        let simulated = Config::load(&choice).unwrap();
+        assert_eq!(simulated.ur, None);
+        let here = UrConfig::at("here");
+        let arm = Config::load_for(&choice, &here).unwrap();
+        let ur = arm.ur.clone().unwrap();
+        assert_eq!((ur.host.as_str(), ur.stale_ticks), ("here", 8));
+        let mut env = sim_env(&arm, 1, Purpose::Train).unwrap();
+        for _ in 0..3 {
+            env.reset().unwrap();
+        }
+
+        // A run of a simulation takes the file when it goes to the arm.
+        std::fs::write(dir.path().join("config.toml"), simulated.to_toml().unwrap()).unwrap();
+        let run = Config::of_run_for(dir.path(), &here, Some(&file), &[]).unwrap();
+        assert_eq!((run.ur.unwrap().stale_ticks, run.safety.mode), (8, Mode::Shield));
+
+        std::fs::write(&file, "[ur]\nstale_tick = 8\n").unwrap();
+        let error = format!("{:#}", Config::load(&choice).unwrap_err());
+        assert!(error.contains("ur.stale_tick") && error.contains("stale_ticks"), "{error}");
     }
 
     #[test]

@@ -108,6 +108,10 @@ struct Training {
     /// Environment steps (20 per second of robot time). The run ends with the episode that reaches them.
     #[arg(long)]
     steps: Option<u64>,
+    /// What computes the updates: `cuda` is the first NVIDIA GPU, and brings `sac.ops = "plain"`. On two cores the
+    /// CPU is quicker for networks of this size.
+    #[arg(long, default_value = "cpu", value_parser = ["cpu", "cuda"])]
+    device: String,
     /// Run directory to create. Default: runs/DATE_TIME_TASK_MODEL_sSEED.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -118,11 +122,24 @@ struct TrainSim {
     #[command(flatten)]
     training: Training,
     /// Continue a run from its last checkpoint, exactly; --steps may extend it.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "seed", "out"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "device", "seed", "out"])]
     resume: Option<PathBuf>,
     /// Say at the end where the time went: simulation, control, inference, update, logging.
     #[arg(long)]
     profile: bool,
+}
+
+impl TrainSim {
+    fn run(&self) -> anyhow::Result<()> {
+        let spent = match &self.resume {
+            Some(dir) => train::resume(dir, self.training.steps)?,
+            None => train::start(&self.training.choice(), self.training.out.as_deref())?,
+        };
+        if self.profile {
+            write!(std::io::stdout(), "{spent}")?;
+        }
+        Ok(())
+    }
 }
 
 #[derive(Debug, Args)]
@@ -132,11 +149,11 @@ struct TrainReal {
     rtde: Address,
     #[command(flatten)]
     training: Training,
-    /// Start from the learner of this run, usually a simulated one, with its configuration and --set.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model", "config"])]
+    /// Start from the learner of this run, usually a simulated one, with its configuration, --config and --set over it.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model"])]
     from: Option<PathBuf>,
     /// Continue a run of train-real from its last checkpoint; --steps may extend it.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "no_penalty", "seed", "out", "from"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "no_penalty", "device", "seed", "out", "from"])]
     resume: Option<PathBuf>,
     /// Connect, examine, print the limits, and move nothing.
     #[arg(long)]
@@ -162,6 +179,9 @@ struct RunPolicy {
     /// Seed of the episodes' starts.
     #[arg(long, default_value_t = evaluate::DEFAULT_SEED)]
     seed: u64,
+    /// TOML file whose keys override the run's: your cell.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Change one key of the run's configuration. May be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -274,12 +294,7 @@ fn main() -> ExitCode {
 fn run(command: Command) -> anyhow::Result<()> {
     interrupt::install()?;
     match command {
-        Command::TrainSim(args) => match &args.resume {
-            Some(dir) => train::resume(dir, args.training.steps, args.profile),
-            None => {
-                train::start(&args.training.choice(), args.training.out.as_deref(), args.profile)
-            }
-        },
+        Command::TrainSim(args) => args.run(),
         Command::TrainReal(args) => real::train_real(&real::TrainReal {
             address: args.rtde,
             choice: args.training.choice(),
@@ -295,6 +310,7 @@ fn run(command: Command) -> anyhow::Result<()> {
             address: args.rtde,
             episodes: args.episodes,
             seed: args.seed,
+            file: args.config,
             set: args.set,
             dry_run: args.dry_run,
             yes: args.yes,
@@ -356,6 +372,9 @@ impl Training {
         let mut choice = self.settings.choice();
         choice.set.extend(self.seed.map(|seed| format!("run.seed={seed}")));
         choice.set.extend(self.steps.map(|steps| format!("run.steps={steps}")));
+        if self.device == "cuda" {
+            choice.set.extend(["sac.device=\"cuda\"", "sac.ops=\"plain\""].map(String::from));
+        }
         if self.no_penalty {
             choice.set.push("reward.violation=0.0".into());
         }

@@ -21,6 +21,9 @@ pub(crate) struct Progress {
     pub successes: u64,
     /// Episodes ended by the force limit.
     pub collisions: u64,
+    /// Episodes that were given up on an arm, after a stop or an interrupt. They have used their starts.
+    #[serde(default)]
+    pub aborted: u64,
     /// Episodes cut by a simulator fault.
     pub faults: u64,
     /// Simulated worlds rebuilt to free a stuck tool or after a fault.

@@ -30,6 +30,15 @@ pub(crate) fn task() -> TaskConfig {
     toml::from_str::<Task>(&read("tasks/peg-insertion.toml")).unwrap().task
 }
 
+pub(crate) fn flange() -> SerialChain<6> {
+    SerialChain::from_urdf_file(format!("{ASSETS}/robots/ur3e.urdf"), "base_link", "tool0").unwrap()
+}
+
+pub(crate) fn tool0_T_tool() -> Pose {
+    let tip = Vector3::new(0.0, 0.0, 0.15);
+    Pose::from_parts(tip.into(), UnitQuaternion::identity())
+}
+
 /// A policy model's environment on `arm`, with settings changed.
 pub(crate) fn env<B: RobotBackend>(
     arm: B,
@@ -41,10 +50,6 @@ pub(crate) fn env<B: RobotBackend>(
     let mut task = task();
     change(&mut preset, &mut task);
     let model: PolicyModel = toml::from_str(&read(&format!("policies/{model}.toml"))).unwrap();
-    let urdf = format!("{ASSETS}/robots/ur3e.urdf");
-    let chain = SerialChain::from_urdf_file(urdf, "base_link", "tool0").unwrap();
-    let tip = Vector3::new(0.0, 0.0, 0.15);
-    let tool0_T_tool = Pose::from_parts(tip.into(), UnitQuaternion::identity());
-    let robot = Safe::new(arm, chain, tool0_T_tool, preset.safety).unwrap();
+    let robot = Safe::new(arm, flange(), tool0_T_tool(), preset.safety).unwrap();
     Env::new(robot, preset.env, task, preset.reward, &preset.control, &model, seed).unwrap()
 }

@@ -327,15 +327,18 @@ impl RobotBackend for UrArm {
     }
 }
 
+/// Commands to end: one is consumed by coming to rest, one by ending, one may be lost.
+const END_CYCLES: u32 = 3;
+
 impl Drop for UrArm {
     /// Ends the control program; it brakes first.
     fn drop(&mut self) {
         if self.token.is_some() {
             self.mode = Mode::End;
-            let _ = self.send();
-            // A socket that is closed with unread data resets the connection, and the last command with it: give
-            // the program two cycles to take it.
-            for _ in 0..2 {
+            // The first one has a program that follows set-points come to rest, the next one ends it. A socket that is
+            // closed with unread data resets the connection, and the last command with it: hence the reads.
+            for _ in 0..END_CYCLES {
+                let _ = self.send();
                 let _ = self.receive(self.config.stale());
             }
         }

@@ -2,9 +2,12 @@
 
 use std::fmt;
 use std::io::Write as _;
+use std::net::IpAddr;
 use std::time::{Duration, Instant};
 
 use palpate_robot_io::RobotBackend;
+use palpate_safety::Mode;
+use palpate_safety::shield::Workspace;
 use palpate_spatial::{Vector3, Vector6};
 use palpate_ur::dashboard::Dashboard;
 use palpate_ur::proto::{RobotMode, SafetyStatus};
@@ -13,7 +16,7 @@ use palpate_ur::{Sample, UrArm, UrConfig, model_error};
 use super::{Address, limits, settings};
 use crate::Config;
 use crate::config::Choice;
-use crate::stack::chain;
+use crate::stack::{Purpose, chain, sim_env};
 
 /// How long the arm is watched, s.
 const WATCH: f64 = 2.0;
@@ -28,6 +31,9 @@ const BIAS: f64 = 4.0;
 const NOISE: f64 = 1.0;
 /// Joint speed at rest, rad/s.
 const REST: f64 = 0.01;
+
+/// Starts that are tried against the workspace.
+const STARTS: u64 = 64;
 
 /// How serious a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -133,11 +139,74 @@ pub fn examine(config: &Config) -> anyhow::Result<Report> {
     report.add("controller", Grade::Ok, format!("software {controller} at {}", ur.host));
     dashboard(&mut report, ur);
     let watch = watch(&mut arm, ur)?;
-    state(&mut report, &watch);
+    state(&mut report, ur, &watch);
     model(&mut report, config, &watch.last)?;
     sensor(&mut report, &watch);
     link(&mut report, ur, &watch, &arm);
+    silence(&mut report, ur);
+    cell(&mut report, config);
     Ok(report)
+}
+
+/// Limits of the link that were widened for a rehearsal, on an address that may be an arm's.
+fn silence(report: &mut Report, ur: &UrConfig) {
+    let usual = UrConfig::at("");
+    let widest = ur.stale_ticks.max(ur.stall_ticks / 2);
+    let grade = if ur.stale_ticks <= usual.stale_ticks && ur.stall_ticks <= usual.stall_ticks {
+        Grade::Ok
+    } else if widest <= super::probe::HOPELESS || is_here(&ur.host) {
+        Grade::Warn
+    } else {
+        Grade::Fail
+    };
+    let advice = match grade {
+        Grade::Ok => "",
+        _ => {
+            "; more than usual: what a rehearsal needed follows a run to the arm. Set what rt-probe says"
+        }
+    };
+    let found = format!(
+        "a command may be {} cycles old, the arm brakes after {} without one (usual: {} and {}){advice}",
+        ur.stale_ticks, ur.stall_ticks, usual.stale_ticks, usual.stall_ticks
+    );
+    report.add("silence", grade, found);
+}
+
+/// Whether a host is this computer, where only a virtual controller can be.
+fn is_here(host: &str) -> bool {
+    host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
+/// Whether limits, task and geometry go together: what the fail-safe layer would refuse later.
+fn cell(report: &mut Report, config: &Config) {
+    if let Err(e) = sim_env(config, config.run.seed, Purpose::Train) {
+        return report.add("limits", Grade::Fail, format!("{e:#}"));
+    }
+    let (task, safety) = (&config.task, &config.safety);
+    let inside = |p: &Vector3| match (&safety.shield, safety.mode) {
+        (Some(shield), Mode::Shield) => {
+            let Workspace { min, max } = shield.workspace;
+            (0..3).all(|i| p[i] >= min[i] && p[i] <= max[i])
+        }
+        _ => true,
+    };
+    let starts = (0..STARTS).map(|n| task.draw(config.run.seed, n));
+    let mut places = starts.flat_map(|s| [s.base_T_start, s.base_T_believed]);
+    let outside = std::iter::once(task.base_T_goal())
+        .chain(&mut places)
+        .map(|pose| pose.translation.vector)
+        .find(|p| !inside(p));
+    match outside {
+        None => report.add("limits", Grade::Ok, "consistent; starts and goals lie in the workspace"),
+        Some(p) => report.add(
+            "limits",
+            Grade::Fail,
+            format!(
+                "a start or goal at {:.3?} m lies outside [safety.shield.workspace]: describe the box around your hole",
+                p.as_slice()
+            ),
+        ),
+    }
 }
 
 fn dashboard(report: &mut Report, ur: &UrConfig) {
@@ -195,7 +264,7 @@ fn watch(arm: &mut UrArm, ur: &UrConfig) -> anyhow::Result<Watch> {
     Ok(Watch { last: *arm.sample(), wrenches, speed, gaps })
 }
 
-fn state(report: &mut Report, watch: &Watch) {
+fn state(report: &mut Report, ur: &UrConfig, watch: &Watch) {
     let s = &watch.last;
     let ok = |good: bool| if good { Grade::Ok } else { Grade::Fail };
     report.add("robot mode", ok(s.robot_mode == RobotMode::Running), s.robot_mode.to_string());
@@ -209,11 +278,11 @@ fn state(report: &mut Report, watch: &Watch) {
         (REST, REST),
         format!("fastest joint {:.4} rad/s", watch.speed),
     );
-    let weighed = s.payload > 0.0;
-    let found = if weighed {
-        format!("{} kg", s.payload)
-    } else {
-        "0 kg: the tool's weight will read as a contact force. Set it in the installation".into()
+    let weighed = s.payload > 0.0 || ur.payload.is_some();
+    let found = match &ur.payload {
+        Some(payload) => format!("{} kg now; the control program sets {payload:?}", s.payload),
+        None if weighed => format!("{} kg", s.payload),
+        None => "0 kg: the tool's weight will read as a contact force. Set it in the installation, or ur.payload".into(),
     };
     report.add("payload", if weighed { Grade::Ok } else { Grade::Warn }, found);
 }

@@ -101,6 +101,8 @@ fn connect(config: &Config, actor: Actor, exchange: Exchange) -> anyhow::Result<
         stack::env(&config, chain, arm, config.run.seed, Purpose::Train)
     };
     let fly = move |pilot: &mut Pilot<Safe<Brake<UrArm>>>| {
+        // What was taken since the first time, too.
+        _ = palpate_ur::lock_memory();
         pilot.serve();
         _ = bye.send(pilot.env().robot().backend().arm().stats());
     };

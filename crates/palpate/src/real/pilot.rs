@@ -39,6 +39,8 @@ pub(super) struct Pilot<R: Guarded> {
     observation: Vec<f32>,
     action: Vec<f32>,
     recorder: Option<Box<OnArm>>,
+    /// The episode under way is an evaluation.
+    measured: bool,
 }
 
 impl<R: Guarded> Pilot<R> {
@@ -54,7 +56,17 @@ impl<R: Guarded> Pilot<R> {
         let spare = (0..room(steps))
             .map(|_| Box::new(Lesson::blank(observation.len(), action.len())))
             .collect();
-        Self { env, actor, exchange, ends, spare, observation, action, recorder: None }
+        Self {
+            env,
+            actor,
+            exchange,
+            ends,
+            spare,
+            observation,
+            action,
+            recorder: None,
+            measured: false,
+        }
     }
 
     /// The environment, to look at.
@@ -76,6 +88,8 @@ impl<R: Guarded> Pilot<R> {
                 Ok(Order::Episode(_) | Order::Evaluate { .. }) => continue,
                 Ok(Order::Record(mut recorder)) => {
                     recorder.load(&mut self.env);
+                    // Its tapes are new.
+                    _ = palpate_ur::lock_memory();
                     self.recorder = Some(recorder);
                     continue;
                 }
@@ -93,15 +107,17 @@ impl<R: Guarded> Pilot<R> {
             if let Err(error) = done {
                 // Also where the arm is whole and only the way was blocked.
                 _ = self.env.stop();
-                self.empty_ledger(false);
+                self.empty_ledger();
                 self.say(News::Fault(Fault::of::<R>(&error)));
             }
         }
     }
 
-    /// Waits for the recordings, once the arm stands.
+    /// Lets go of the arm, then waits for the recordings.
     pub(super) fn finish(self) {
-        if let Some(recorder) = self.recorder {
+        let Self { env, recorder, .. } = self;
+        drop(env);
+        if let Some(recorder) = recorder {
             recorder.finish();
         }
     }
@@ -127,6 +143,7 @@ impl<R: Guarded> Pilot<R> {
         evaluation: Option<(u64, u64)>,
     ) -> Result<(), EnvError<R::Error>> {
         let measured = evaluation.is_some();
+        self.measured = measured;
         self.env.set_next_episode(number);
         self.env.reset()?;
         self.actor.explore(!measured);
@@ -146,7 +163,7 @@ impl<R: Guarded> Pilot<R> {
             lesson.write(&self.env, &self.observation, &self.action, step);
             self.observation.copy_from_slice(&lesson.next);
             if let Some(outcome) = over {
-                self.empty_ledger(measured);
+                self.empty_ledger();
                 if let Some(recorder) = &mut self.recorder {
                     recorder.keep(&mut self.env, outcome, evaluation);
                 }
@@ -171,10 +188,10 @@ impl<R: Guarded> Pilot<R> {
 
     /// Hands over what the fail-safe layer said, but for evaluations; what there is no room for is still counted in
     /// the summary.
-    fn empty_ledger(&mut self, measured: bool) {
+    fn empty_ledger(&mut self) {
         let start = self.env.started();
         let ledger = self.env.ledger_mut();
-        for entry in ledger.entries().filter(|_| !measured) {
+        for entry in ledger.entries().filter(|_| !self.measured) {
             _ = self.ends.verdicts.try_send(Entry { time: entry.time - start, ..*entry });
         }
         ledger.clear_entries();

@@ -35,6 +35,8 @@ pub struct PolicyRun {
     pub set: Vec<String>,
     /// Look, and move nothing.
     pub dry_run: bool,
+    /// A TOML file whose keys override the run's.
+    pub file: Option<PathBuf>,
     /// Do not ask.
     pub yes: bool,
     /// Folder for recordings of the episodes.
@@ -47,7 +49,7 @@ pub struct PolicyRun {
 pub fn run_policy(what: &PolicyRun) -> anyhow::Result<()> {
     let mut set = what.set.clone();
     set.push(format!("run.seed={}", what.seed));
-    let config = Config::of_run_for(&what.run, &what.address.arm(), &set)?;
+    let config = Config::of_run_for(&what.run, &what.address.arm(), what.file.as_deref(), &set)?;
     let path = CheckpointStore::open(&what.run)?.find(&what.checkpoint)?.with_context(|| {
         format!("{} holds no checkpoint {}", what.run.display(), what.checkpoint)
     })?;
@@ -58,6 +60,7 @@ pub fn run_policy(what: &PolicyRun) -> anyhow::Result<()> {
         return Ok(());
     }
     let arm = connect(&config, Actor::learned(policy, None), Exchange::default())?;
+    palpate_ur::background(&arm.realtime);
     if let Some(folder) = &what.record {
         let recorder = Recorder::new(&config, folder)?;
         arm.control.orders.send(Order::Record(Box::new(OnArm::all(recorder, "arm"))))?;

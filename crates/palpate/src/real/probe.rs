@@ -25,7 +25,7 @@ const STOP_ANGLE: f64 = 1.3;
 /// Wake-ups were watched for minutes, an arm works for hours: the latest one is taken twice.
 const MARGIN: f64 = 2.0;
 /// More silent ticks than this, and the link is no real-time link: 100 ms.
-const HOPELESS: u32 = 50;
+pub(super) const HOPELESS: u32 = 50;
 
 /// Measures, and says what follows.
 ///
@@ -151,10 +151,10 @@ fn advice(worst: Duration) -> String {
         );
     }
     format!(
-        "the latest wake-up was {:.1} ms late: the default limits of the link would stop the arm now and then. What holds here:\n  \
-         --set ur.stale_ticks={stale} --set ur.stall_ticks={}\n\
-         The arm then brakes by itself after {:.0} ms, and stops within {STOP_ANGLE}° of the last command only up to {speed:.2} rad/s:\n  \
-         --set safety.joint_velocity_max={:.2?}",
+        "the latest wake-up was {:.1} ms late: the default limits of the link would stop the arm now and then. What holds here, for your cell's file:\n\n\
+         [ur]\nstale_ticks = {stale}\nstall_ticks = {}\n\n\
+         The arm then brakes by itself after {:.0} ms, and stops within {STOP_ANGLE}° of the last command only up to {speed:.2} rad/s:\n\n\
+         [safety]\njoint_velocity_max = {:.2?}",
         1e3 * worst.as_secs_f64(),
         stall.min(100),
         ms(stall.min(100)),
@@ -171,7 +171,7 @@ mod tests {
         let said = advice(Duration::from_micros(300));
         assert!(said.contains("the defaults hold") && said.contains("up to 0.50 rad/s"), "{said}");
         let said = advice(Duration::from_millis(12));
-        assert!(said.contains("ur.stale_ticks=13 --set ur.stall_ticks=26"), "{said}");
+        assert!(said.contains("stale_ticks = 13\nstall_ticks = 26"), "{said}");
         assert!(said.contains("up to 0.33 rad/s"), "{said}");
         let said = advice(Duration::from_millis(60));
         assert!(said.contains("does not hold 500 Hz"), "{said}");

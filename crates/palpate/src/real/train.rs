@@ -23,7 +23,7 @@ use crate::train::{create, last_checkpoint, run};
 pub struct TrainReal {
     /// The controller.
     pub address: Address,
-    /// A new run's configuration; of a run to start from only the overrides count.
+    /// A new run's configuration; of a run to start from only the file and the overrides count.
     pub choice: Choice,
     /// A run whose learner goes on here.
     pub from: Option<PathBuf>,
@@ -42,7 +42,9 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
     let arm = what.address.arm();
     let set = &what.choice.set;
     let config = match (&what.resume, &what.from) {
-        (Some(run), _) | (None, Some(run)) => Config::of_run_for(run, &arm, set)?,
+        (Some(run), _) | (None, Some(run)) => {
+            Config::of_run_for(run, &arm, what.choice.file.as_deref(), set)?
+        }
         (None, None) => Config::load_for(&what.choice, &arm)?,
     };
     if config.sac.warmup_steps > 0 {
@@ -81,7 +83,8 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
     exchange.offer(pupil.agent.policy());
     arm.control.journal(journal, pupil.progress.step, steps)?;
     pupil.console.note(&format!("control thread: {}; learner: {background}", arm.realtime));
-    run(RealTime::new(arm, exchange, background), pupil, false)
+    run(RealTime::new(arm, exchange, background), pupil)?;
+    Ok(())
 }
 
 /// The learner, how far it is, and its run directory if there is one already.

@@ -108,6 +108,8 @@ impl RealTime {
     /// Saves, and goes on only when a person says so.
     fn stopped(&mut self, pupil: &mut Pupil, fault: &Fault) -> anyhow::Result<()> {
         pupil.agent.end_episode();
+        pupil.keep_verdicts(pupil.progress.episodes, &self.verdicts())?;
+        pupil.progress.aborted += 1;
         if interrupt::requested() {
             return Ok(());
         }
@@ -147,7 +149,9 @@ impl World for RealTime {
     fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()> {
         self.perhaps_pause(pupil)?;
         // An interrupt stops the arm without an order; one more changes nothing.
-        self.arm.control.orders.send(Order::Episode(pupil.progress.episodes))?;
+        // No start twice: what stopped the arm there might again.
+        let number = pupil.progress.episodes + pupil.progress.aborted;
+        self.arm.control.orders.send(Order::Episode(number))?;
         loop {
             match self.news()? {
                 Some(News::Step(x)) => {
@@ -163,6 +167,7 @@ impl World for RealTime {
                 Some(News::Ready | News::Measured(_)) => {}
                 None => {
                     pupil.agent.end_episode();
+                    pupil.progress.aborted += 1;
                     return Ok(());
                 }
             }

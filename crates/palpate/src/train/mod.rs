@@ -30,23 +30,24 @@ use crate::config::{Choice, Config};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::stack::{self, Purpose};
+pub use profile::TimeSpent;
 use profile::{Laps, Timed};
 use pupil::{CONFIG, PROGRESS, Pupil};
 use world::{Lockstep, World};
 
-/// Starts a new run in simulation. With `profile` it ends by saying where the time went.
-pub fn start(choice: &Choice, out: Option<&Path>, profile: bool) -> anyhow::Result<()> {
+/// Starts a new run in simulation.
+pub fn start(choice: &Choice, out: Option<&Path>) -> anyhow::Result<TimeSpent> {
     let config = Config::load(choice)?;
     let dir = create(&config, out)?;
     let world = simulation(&config, 0)?;
     let (observation, action) = world.dims();
     let agent = Sac::new(&config.sac, observation, action, config.run.seed)?;
     let world = world.recorded(&config, dir.path())?;
-    run(world, Pupil::new(config, dir, agent, Progress::default(), "train-sim")?, profile)
+    run(world, Pupil::new(config, dir, agent, Progress::default(), "train-sim")?)
 }
 
 /// Continues a simulated run from its last whole checkpoint, or from its beginning if it has none.
-pub fn resume(path: &Path, steps: Option<u64>, profile: bool) -> anyhow::Result<()> {
+pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<TimeSpent> {
     let dir = RunDir::open(path)?;
     let set: Vec<String> = steps.map(|s| format!("run.steps={s}")).into_iter().collect();
     let config = Config::of_run(path, &set)?;
@@ -64,7 +65,7 @@ pub fn resume(path: &Path, steps: Option<u64>, profile: bool) -> anyhow::Result<
         None => Sac::new(&config.sac, observation, action, config.run.seed)?,
     };
     let world = world.recorded(&config, dir.path())?;
-    run(world, Pupil::new(config, dir, agent, progress, "train-sim")?, profile)
+    run(world, Pupil::new(config, dir, agent, progress, "train-sim")?)
 }
 
 /// The run directory of a new run.
@@ -112,7 +113,7 @@ fn timed_env(config: &Config, purpose: Purpose) -> anyhow::Result<Env<Safe<Timed
 }
 
 /// The loop: episodes, and between them what is due.
-pub(crate) fn run(mut world: impl World, mut pupil: Pupil, profile: bool) -> anyhow::Result<()> {
+pub(crate) fn run(mut world: impl World, mut pupil: Pupil) -> anyhow::Result<TimeSpent> {
     let started = Instant::now();
     pupil.begin();
     let every = |step: u64, every: u64| step / every;
@@ -120,7 +121,8 @@ pub(crate) fn run(mut world: impl World, mut pupil: Pupil, profile: bool) -> any
         let before = pupil.progress.step;
         world.episode(&mut pupil)?;
         let mut laps = Laps::begin();
-        pupil.keep_verdicts(&world.verdicts())?;
+        let finished = pupil.progress.episodes.saturating_sub(1);
+        pupil.keep_verdicts(finished, &world.verdicts())?;
         pupil.profile.logging += laps.lap();
         let (step, run) = (pupil.progress.step, &pupil.config.run);
         let done = step >= run.steps || interrupt::requested();
@@ -140,5 +142,5 @@ pub(crate) fn run(mut world: impl World, mut pupil: Pupil, profile: bool) -> any
     for what in lost {
         pupil.console.note(&format!("warning: {what}"));
     }
-    pupil.finish(started.elapsed().as_secs_f64(), link, profile)
+    pupil.finish(started.elapsed().as_secs_f64(), link)
 }

@@ -4,7 +4,6 @@ use std::fmt::{Display, Formatter};
 use std::time::{Duration, Instant};
 
 use palpate_robot_io::{JointCommand, RobotBackend, RobotState};
-use palpate_runs::Console;
 use serde::Serialize;
 
 /// Time by what it was spent on.
@@ -40,23 +39,6 @@ impl Profile {
         ]
         .map(|(name, time)| (name, time.as_secs_f64()))
     }
-
-    /// A table of the parts of a training of so many steps that took `seconds`.
-    pub(crate) fn show(&self, console: &mut Console, steps: u64, seconds: f64) {
-        let known: f64 = self.parts().iter().map(|(_, s)| s).sum();
-        let rest = ("the rest", seconds - known);
-        let rows: Vec<(&str, String)> = self
-            .parts()
-            .into_iter()
-            .chain([rest, ("all", seconds)])
-            .map(|(name, s)| (name, Row { s, share: s / seconds, steps }.to_string()))
-            .collect();
-        let rows: Vec<_> =
-            std::iter::once(("time spent on", "   total   share   each step".into()))
-                .chain(rows)
-                .collect();
-        console.table(&rows);
-    }
 }
 
 impl Serialize for Profile {
@@ -65,16 +47,27 @@ impl Serialize for Profile {
     }
 }
 
-struct Row {
-    s: f64,
-    share: f64,
-    steps: u64,
+/// Where the time of a training went, since it was started or resumed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeSpent {
+    pub(crate) profile: Profile,
+    pub(crate) steps: u64,
+    /// In all.
+    pub(crate) seconds: f64,
 }
 
-impl Display for Row {
+impl Display for TimeSpent {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let each = 1e3 * self.s / self.steps.max(1) as f64;
-        write!(f, "{:>6.1} s {:>5.1} % {each:>8.3} ms", self.s, 100.0 * self.share)
+        let parts = self.profile.parts();
+        let known: f64 = parts.iter().map(|(_, s)| s).sum();
+        writeln!(f, "{:<14}{:>10}{:>9}{:>14}", "time spent on", "total", "share", "each step")?;
+        let rest = [("the rest", self.seconds - known), ("all", self.seconds)];
+        for (name, s) in parts.into_iter().chain(rest) {
+            let share = 100.0 * s / self.seconds;
+            let each = 1e3 * s / self.steps.max(1) as f64;
+            writeln!(f, "{name:<14}{s:>8.1} s{share:>7.1} %{each:>11.3} ms")?;
+        }
+        Ok(())
     }
 }
 
@@ -166,5 +159,8 @@ mod tests {
         let json = serde_json::to_value(profile).unwrap();
         assert_eq!(json["update"], 1.5);
         assert_eq!(json.as_object().unwrap().len(), 7);
+        let said = TimeSpent { profile, steps: 500, seconds: 6.0 }.to_string();
+        assert!(said.contains("update             1.5 s   25.0 %      3.000 ms"), "{said}");
+        assert!(said.contains("the rest           4.5 s   75.0 %"), "{said}");
     }
 }

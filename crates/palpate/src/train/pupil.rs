@@ -9,7 +9,7 @@ use palpate_safety::Entry;
 use super::book::Book;
 use super::disk::insist;
 use super::lesson::Lesson;
-use super::profile::{Laps, Profile};
+use super::profile::{Laps, Profile, TimeSpent};
 use super::tables::{EPISODES, METRICS};
 use crate::Config;
 use crate::progress::{Evaluation, Progress};
@@ -108,9 +108,9 @@ impl Pupil {
         Ok(())
     }
 
-    /// Writes what the fail-safe layer said in the last episode.
-    pub(crate) fn keep_verdicts(&mut self, entries: &[Entry]) -> Result<()> {
-        let at = (self.progress.episodes.saturating_sub(1), self.progress.step);
+    /// Writes what the fail-safe layer said in an episode.
+    pub(crate) fn keep_verdicts(&mut self, episode: u64, entries: &[Entry]) -> Result<()> {
+        let at = (episode, self.progress.step);
         self.ledger.write(&mut self.console, at, entries)
     }
 
@@ -159,7 +159,8 @@ impl Pupil {
                 std::fs::write(dir.join(CONFIG), &config)?;
                 Ok(())
             })
-        })
+        })?;
+        Ok(())
     }
 
     /// Writes the summary and says what comes next.
@@ -167,11 +168,7 @@ impl Pupil {
         mut self,
         seconds: f64,
         link: Option<serde_json::Value>,
-        profile: bool,
-    ) -> Result<()> {
-        if profile {
-            self.profile.show(&mut self.console, self.taken, seconds);
-        }
+    ) -> Result<TimeSpent> {
         let p = &self.progress;
         let complete = self.complete();
         let mut summary = serde_json::json!({
@@ -211,7 +208,7 @@ impl Pupil {
                 p.step, self.config.run.steps, self.command
             ));
         }
-        Ok(())
+        Ok(TimeSpent { profile: self.profile, steps: self.taken, seconds })
     }
 
     /// What the live line says besides the step, the rate and the time left.

@@ -98,7 +98,7 @@ impl<B: RobotBackend> World for Lockstep<B> {
                 }
                 pupil.progress.rebuilt += self.env.rebuilt() - rebuilt;
                 pupil.profile.logging += laps.lap();
-                let simulation = self.simulated() - simulated;
+                let simulation = self.simulated().saturating_sub(simulated);
                 pupil.profile.simulation += simulation;
                 pupil.profile.control += acting.saturating_sub(simulation);
                 return Ok(());

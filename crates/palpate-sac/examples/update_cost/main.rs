@@ -1,6 +1,7 @@
 //! Time of one update as a share of what the core could do, measured together.
 //!
-//! `cargo run --release -p palpate-sac --example update_cost [ROUNDS]`
+//! `cargo run --release -p palpate-sac --example update_cost [ROUNDS [torch] [jax]]`; `cargo xtask bench` asks for the peers
+//! that this computer's Python has. They take turns with ours, one update each, in CPU time of one thread.
 //!
 //! One thread: time on the CPU of the calling thread alone (Linux), so that other work on the machine counts
 //! only through caches and clock. Two threads: wall time, beside the wall time of one thread in the same run. The
@@ -9,9 +10,13 @@
 #![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
 #![expect(clippy::print_stdout, reason = "the result of the program")]
 
+mod peer;
+
 use std::fmt::{Display, Formatter};
 use std::hint::black_box;
 use std::time::Instant;
+
+use peer::Peer;
 
 use palpate_sac::{Mode, Ops, Sac, SacConfig, Transition};
 
@@ -23,6 +28,7 @@ const UNITS: usize = 256;
 fn main() {
     let rounds = std::env::args().nth(1).map_or(60, |n| n.parse().unwrap());
     let [mut one, mut two] = [1, 2].map(|threads| experienced(Ops::Fused, threads));
+    let mut peers: Vec<Peer> = std::env::args().skip(2).map(|name| Peer::start(&name)).collect();
     let (mut updates, mut peaks) = (Vec::new(), Vec::new());
     let (mut walls, mut pairs) = (Vec::new(), Vec::new());
     for _ in 0..rounds {
@@ -33,18 +39,19 @@ fn main() {
         let began = Instant::now();
         two.update().unwrap();
         pairs.push(began.elapsed().as_secs_f64());
+        peers.iter_mut().for_each(Peer::update);
     }
     // Last: once candle's pool has started, it spins beside everything else.
     let mut plain = experienced(Ops::Plain, 1);
     let references = (0..rounds / 4).map(|_| cpu_seconds(|| plain.update().unwrap())).collect();
     let peak = peaks.into_iter().fold(0.0, f64::max);
-    let [update, reference, walls, pairs] = [updates, references, walls, pairs].map(Spread::of);
+    let [ours, reference, walls, pairs] = [updates, references, walls, pairs].map(Spread::of);
     let share = |seconds: f64| 100.0 * work() / peak / seconds;
     println!("peak {:.1} GFLOP/s, update {:.0} MFLOP in matrix products", peak / 1e9, work() / 1e6);
     println!(
-        "fused, one thread: {update} of CPU time, {:.0} % of peak (best {:.0} %)",
-        share(update.median),
-        share(update.best)
+        "fused, one thread: {ours} of CPU time, {:.0} % of peak (best {:.0} %)",
+        share(ours.median),
+        share(ours.best)
     );
     println!("fused, one thread: {walls} of wall time");
     println!(
@@ -52,6 +59,14 @@ fn main() {
         walls.median / pairs.median,
         walls.best / pairs.best
     );
+    for Peer { name, updates, .. } in &peers {
+        let theirs = Spread::of(updates.clone());
+        println!(
+            "{name}: {theirs}, {:.2} times ours (best against best {:.2})",
+            theirs.median / ours.median,
+            theirs.best / ours.best
+        );
+    }
     println!("plain: {reference} on the calling thread, which spins while its pool works");
 }
 
