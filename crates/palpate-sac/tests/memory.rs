@@ -1,6 +1,5 @@
 //! Learning takes no more memory the longer it lasts.
 #![expect(clippy::unwrap_used, reason = "a helper that cannot go on fails its test")]
-#![expect(clippy::print_stdout, reason = "figures, on request")]
 
 use palpate_sac::{Mode, Ops, Sac, SacConfig, Transition};
 
