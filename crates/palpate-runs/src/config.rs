@@ -75,12 +75,6 @@ impl Resolved {
     pub fn table(&self) -> &Table {
         &self.table
     }
-
-    /// Takes out a table of the top.
-    pub fn without(mut self, name: &str) -> Self {
-        self.table.remove(name);
-        self
-    }
 }
 
 /// Lays `layers` and then the arguments `set` over `base`.
