@@ -4,8 +4,7 @@ use palpate_control::{
     ActionMap, ControlConfig, ControlInput, Controller, ForceController, PolicyModel,
 };
 use palpate_robot_io::FaultKind;
-use palpate_safety::shield::Standing;
-use palpate_safety::{Cause, Guarded, Ledger, Measurement, Verdict};
+use palpate_safety::{Cause, Guarded, Ledger, Measurement, Verdict, shield::Standing};
 use palpate_spatial::{Pose, Twist, Vector6, integrate, pose_error_vector_part};
 
 use crate::config::{EnvConfig, Reference};
@@ -168,7 +167,7 @@ impl<R: Guarded> Env<R> {
         Some(pose_error_vector_part(&e.start.base_T_believed, &e.measurement.base_T_tool))
     }
 
-    /// Number of the episode that the next [`reset`](Self::reset) starts.
+    /// The episode that the next [`reset`](Self::reset) starts.
     pub fn next_episode(&self) -> u64 {
         self.next_episode
     }
@@ -207,8 +206,7 @@ impl<R: Guarded> Env<R> {
                 base_T_start: &start.base_T_start,
                 q_home: &self.task.q_home,
             };
-            let way = drive_to_start(&mut self.robot, &way);
-            match way {
+            match drive_to_start(&mut self.robot, &way) {
                 Ok(measurement) => break measurement,
                 Err(e) if tries < RESET_TRIES && is_stuck::<R>(&e) && self.robot.rebuild() => {
                     self.rebuilt += 1;
@@ -235,8 +233,7 @@ impl<R: Guarded> Env<R> {
             self.robot.tally(),
             self.robot.ledger().counts(),
         ));
-        self.next_episode += 1;
-        self.started = measurement.state.time;
+        (self.next_episode, self.started) = (number + 1, measurement.state.time);
         Ok(())
     }
 

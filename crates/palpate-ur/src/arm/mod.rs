@@ -335,8 +335,7 @@ impl Drop for UrArm {
     fn drop(&mut self) {
         if self.token.is_some() {
             self.mode = Mode::End;
-            // The first one has a program that follows set-points come to rest, the next one ends it. A socket that is
-            // closed with unread data resets the connection, and the last command with it: hence the reads.
+            // A socket closed with unread data resets the connection, and the last command with it: hence the reads.
             for _ in 0..END_CYCLES {
                 let _ = self.send();
                 let _ = self.receive(self.config.stale());
