@@ -68,8 +68,12 @@ fn recover<R: Guarded>(
     let mut m = robot.sense().map_err(EnvError::Robot)?;
     let mut failure = None;
     loop {
-        let seen =
-            Seen { standing: robot.standing(), wrench: m.wrench, arrived: failure.is_none() };
+        let seen = Seen {
+            standing: robot.standing(),
+            wrench: m.wrench,
+            armed: robot.is_armed(),
+            arrived: failure.is_none(),
+        };
         match recovery.step(&seen) {
             Action::Brake | Action::Retreat | Action::Watch => {
                 let _: Verdict = robot.brake().map_err(EnvError::Robot)?;

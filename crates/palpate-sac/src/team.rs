@@ -1,8 +1,17 @@
 //! The threads of an update: one, or two.
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::hint::spin_loop;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::yield_now;
+
+mod spread;
+
+use rayon::{ThreadPool, ThreadPoolBuilder, Yield};
 
 use crate::SacError;
+
+/// How often the second thread is given way to before the first begins alone.
+const PATIENCE: u32 = 200;
 
 /// Runs pieces of work in pairs.
 ///
@@ -27,11 +36,31 @@ impl Team {
     }
 
     /// Runs something that calls [`both`](Self::both) many times; cheaper from inside.
+    ///
+    /// The second thread stays awake meanwhile: pieces are shorter than waking up takes.
     pub(crate) fn enter<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
-        match &self.pool {
-            Some(pool) => pool.install(work),
-            None => work(),
-        }
+        let Some(pool) = &self.pool else { return work() };
+        let (awake, done) = (&AtomicBool::new(false), &AtomicBool::new(false));
+        pool.scope(|scope| {
+            // However the work ends.
+            let _end = Ends(done);
+            let (home, processor) = (rayon::current_thread_index(), spread::processor());
+            scope.spawn_broadcast(move |_, here| {
+                if Some(here.index()) == home {
+                    return;
+                }
+                spread::away_from(processor);
+                awake.store(true, Ordering::Release);
+                while !done.load(Ordering::Acquire) {
+                    if rayon::yield_now() != Some(Yield::Executed) {
+                        spin_loop();
+                    }
+                }
+            });
+            // Woken on this processor it would not run before this thread is taken off it.
+            (0..PATIENCE).take_while(|_| !awake.load(Ordering::Acquire)).for_each(|_| yield_now());
+            work()
+        })
     }
 
     /// Runs both pieces, at the same time if there are two threads.
@@ -44,5 +73,14 @@ impl Team {
             Some(pool) => pool.join(a, b),
             None => (a(), b()),
         }
+    }
+}
+
+/// Says that the work is done when it goes.
+struct Ends<'a>(&'a AtomicBool);
+
+impl Drop for Ends<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
     }
 }

@@ -43,6 +43,8 @@ pub trait Guarded: sealed::Sealed {
     fn tare(&mut self) -> Result<(), Self::Error>;
     /// What the set-point is doing. See [`Safe::standing`].
     fn standing(&self) -> Standing;
+    /// Whether the contact force has been below its re-arm level for long enough. See [`Safe::is_armed`].
+    fn is_armed(&self) -> bool;
     /// The last verdict with what was executed, in shield mode. See [`Safe::decision`].
     fn decision(&self) -> Option<&Decision>;
     /// Every verdict other than a pass. See [`Safe::ledger`].
@@ -97,6 +99,9 @@ impl<B: RobotBackend> Guarded for Safe<B> {
     }
     fn standing(&self) -> Standing {
         Self::standing(self)
+    }
+    fn is_armed(&self) -> bool {
+        Self::is_armed(self)
     }
     fn decision(&self) -> Option<&Decision> {
         Self::decision(self)

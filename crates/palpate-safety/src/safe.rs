@@ -292,6 +292,12 @@ impl<B: RobotBackend> Safe<B> {
         self.shield.as_ref().map_or(Standing::AtRest, |shield| shield.standing())
     }
 
+    /// Whether the contact force has been below its re-arm level for long enough: without it the sensor is not
+    /// zeroed and no episode begins. Always so outside shield mode.
+    pub fn is_armed(&self) -> bool {
+        self.shield.as_ref().is_none_or(|shield| shield.is_armed())
+    }
+
     /// The last verdict with the proposed and the executed joints; none outside shield mode.
     pub fn decision(&self) -> Option<&Decision> {
         self.decision.as_ref()

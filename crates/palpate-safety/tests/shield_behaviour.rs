@@ -321,3 +321,30 @@ fn no_tick_allocates() {
     }
     assert_eq!(preset().mode, Mode::Shield);
 }
+
+/// What is made up for presses as much as what is asked for.
+#[test]
+fn catching_up_is_no_faster_than_the_force_that_is_left_allows() {
+    let safety = preset();
+    let force = safety.shield.as_ref().unwrap().force;
+    let mut rig = Rig::new(&safety, home());
+    rig.shield.begin_reset();
+    let goal = integrate(
+        &chain().forward(&home()),
+        &Twist::new(Vector3::new(0.05, 0.0, 0.05), Vector3::zeros()),
+        1.0,
+    );
+    let options = palpate_kinematics::IkOptions::default();
+    let q = chain().solve_near(&goal, &home(), &options).unwrap().q;
+    let bound = force.aim_ratio * safety.reset.force_max / (force.stiffness * force.reaction_time);
+    let mut fastest = 0.0f64;
+    for tick in 0..400 {
+        let part = (f64::from(tick) / 100.0).min(1.0);
+        let _ = rig.propose(&Proposal::Joints(home() + (q - home()) * part));
+        let J = chain().kinematics(&rig.q).jacobian(Frame::BaseAligned);
+        let v = J * rig.shield.motion().unwrap().v;
+        fastest = fastest.max(v.fixed_rows::<3>(0).amax());
+    }
+    assert!(fastest < 1.05 * bound, "{fastest} m/s, {bound} are allowed");
+    assert!(fastest > 0.5 * bound, "{fastest} m/s of {bound}: it does move");
+}

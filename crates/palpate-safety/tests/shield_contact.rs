@@ -146,7 +146,7 @@ fn a_force_stop_brakes_in_the_same_tick_and_backs_out_of_the_contact() {
     let limits = safety.shield.clone().unwrap();
     let mut robot = robot(safety, 4e4, 0.010);
     let mut reference = robot.sense().unwrap().base_T_tool;
-    let mut tripped = None;
+    let (mut tripped, mut seen) = (None, Vec::new());
     for tick in 0..2000 {
         let before = robot.shield().unwrap().motion().copied();
         robot.sense().unwrap();
@@ -174,11 +174,16 @@ fn a_force_stop_brakes_in_the_same_tick_and_backs_out_of_the_contact() {
             assert!(tripped.is_none(), "latched until the next reset");
             reference = robot.decision().and_then(|d| d.governed).unwrap_or(next);
         }
-        if tripped.is_some() && robot.standing() == Standing::AtRest {
-            break;
+        if tripped.is_some() {
+            seen.push(robot.standing());
+            if robot.standing() == Standing::AtRest {
+                break;
+            }
         }
     }
     assert!(tripped.is_some());
+    seen.dedup();
+    assert_eq!(seen, [Standing::Moving, Standing::Retreating, Standing::Moving, Standing::AtRest]);
     assert_eq!(robot.tally().force, 1);
     for _ in 0..100 {
         robot.sense().unwrap();

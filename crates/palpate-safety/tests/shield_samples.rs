@@ -160,3 +160,58 @@ fn the_sensor_is_not_zeroed_in_contact_or_on_the_way() {
     }
     robot.begin_episode().unwrap();
 }
+
+/// What was a contact a moment ago may be one again: not zeroed before the force has been gone for the re-arm time.
+#[test]
+fn the_sensor_is_not_zeroed_right_after_a_contact() {
+    let rearm = preset().shield.unwrap().force.rearm_time;
+    let mut tick = 0;
+    let mut robot = scripted(move |state| {
+        tick += 1;
+        state.sensor_wrench.force.z = if tick < 300 { 24.0 } else { 0.0 };
+    });
+    let wait = |robot: &mut Safe<Scripted>, ticks: u32| {
+        for _ in 0..ticks {
+            robot.sense().unwrap();
+            let _ = robot.brake().unwrap();
+        }
+    };
+    robot.sense().unwrap();
+    robot.begin_reset();
+    wait(&mut robot, 200);
+    assert!(robot.is_armed(), "24 N are far below the way back's limit");
+    // The same force beside the episode's limit of 25 N.
+    let mut tick = 0;
+    let mut robot = scripted(move |state| {
+        tick += 1;
+        state.sensor_wrench.force.z = if (100..150).contains(&tick) { 24.0 } else { 0.0 };
+    });
+    robot.sense().unwrap();
+    robot.begin_episode().unwrap();
+    wait(&mut robot, 120);
+    assert!(!robot.is_armed());
+    // Until the filter is calm as well, and then the time itself.
+    wait(&mut robot, 40);
+    assert!(matches!(robot.begin_episode(), Err(SafeError::NotFree { .. })));
+    wait(&mut robot, (rearm / DT) as u32 + 10);
+    robot.begin_episode().unwrap();
+}
+
+/// A tare moves the reading, and that is no jump.
+#[test]
+fn what_the_tare_moves_is_believed() {
+    let mut tick = 0;
+    let mut robot = scripted(move |state| {
+        tick += 1;
+        // A bias that is taken away: farther than a reading may jump.
+        state.sensor_wrench.force.x = if tick <= 50 { 3.0 } else { -45.0 };
+    });
+    for _ in 0..50 {
+        robot.sense().unwrap();
+    }
+    robot.begin_episode().unwrap();
+    robot.sense().unwrap();
+    assert!(!robot.shield().unwrap().is_blind());
+    let verdict = robot.command(&chain().forward(&home())).unwrap();
+    assert!(!matches!(verdict, Verdict::Refused(Refusal::Implausible(_))), "{verdict:?}");
+}

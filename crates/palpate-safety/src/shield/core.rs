@@ -240,7 +240,7 @@ impl Shield {
         let air = &self.config.recovery;
         let free = wrench.force.norm() <= air.free_air_force
             && wrench.torque.norm() <= air.free_air_torque;
-        self.standing() == Standing::AtRest && free
+        self.standing() == Standing::AtRest && self.guard.is_armed() && free
     }
 
     /// Whether the contact force has been below its re-arm level for long enough.

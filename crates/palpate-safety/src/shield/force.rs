@@ -75,7 +75,7 @@ pub struct ForceGuard {
     horizon: f64,
     rearm_ratio: f64,
     rearm_samples: u32,
-    /// Samples in a row below the re-arm level.
+    /// Samples in a row below the re-arm level; a force that never was is gone.
     quiet: u32,
 }
 
@@ -98,19 +98,20 @@ impl ForceGuard {
             horizon,
             rearm_ratio,
             rearm_samples,
-            quiet: 0,
+            quiet: rearm_samples,
         }
     }
 
     /// Other soft limits from now on.
     pub fn set_soft(&mut self, soft: WrenchLimits) {
         self.soft = soft;
-        (self.strikes, self.ahead, self.quiet) = (0, 0, 0);
+        (self.strikes, self.ahead) = (0, 0);
     }
 
     /// Forgets the past, for instance after the sensor was zeroed.
     pub fn restart(&mut self) {
-        (self.strikes, self.ahead, self.previous, self.quiet) = (0, 0, None, 0);
+        (self.strikes, self.ahead, self.previous) = (0, 0, None);
+        self.quiet = self.rearm_samples;
     }
 
     /// The soft limits in force.
@@ -234,6 +235,65 @@ mod tests {
             let _ = g.update(&calm, &calm);
             assert_eq!(g.is_armed(), expected);
         }
+    }
+
+    #[test]
+    fn both_readings_must_be_calm() {
+        let mut g = guard(0.0);
+        let (nearly, calm) = (push(21.0, 0.0, 0.0), Wrench::zero());
+        for (raw, filtered) in [(nearly, calm), (calm, nearly)] {
+            g.restart();
+            assert!(g.is_armed(), "nothing was there");
+            let _ = g.update(&raw, &filtered);
+            assert!(!g.is_armed());
+        }
+    }
+
+    #[test]
+    fn a_restart_forgives_what_was() {
+        let mut g = guard(10.0);
+        let (hit, calm) = (push(30.0, 0.0, 0.0), Wrench::zero());
+        let _ = g.update(&hit, &calm);
+        g.restart();
+        assert_eq!(g.update(&hit, &calm), Contact::Fine, "the first of two");
+        let _ = g.update(&calm, &push(-20.0, 0.0, 0.0));
+        g.restart();
+        assert_eq!(
+            g.update(&calm, &push(-24.0, 0.0, 0.0)),
+            Contact::Fine,
+            "no rise without a past"
+        );
+    }
+
+    #[test]
+    fn a_force_that_fades_to_nothing_is_not_seen_on_the_other_side() {
+        let mut g = guard(10.0);
+        let _ = g.update(&push(-5.0, 0.0, 0.0), &push(-5.0, 0.0, 0.0));
+        assert_eq!(g.update(&Wrench::zero(), &Wrench::zero()), Contact::Fine);
+    }
+
+    #[test]
+    fn every_axis_has_its_own_kind_of_limit() {
+        let limits = guard(0.0).soft;
+        for axis in 0..6 {
+            let at = |x: f64| {
+                let mut components = [0.0; 6];
+                components[axis] = x;
+                Wrench::from(palpate_spatial::Vector6::from(components))
+            };
+            let limit = if axis < 3 { 25.0 } else { 2.0 };
+            assert_eq!(limits.exceeded(&at(limit)), None);
+            let excess = limits.exceeded(&at(-limit * 1.001)).unwrap();
+            assert_eq!((excess.axis, excess.limit), (axis, limit));
+        }
+    }
+
+    #[test]
+    fn limits_scale_alike() {
+        let half = guard(0.0).soft.scaled(0.5);
+        let expected =
+            WrenchLimits { force: 12.5, torque: 1.0, force_norm: 15.0, torque_norm: 1.25 };
+        assert_eq!(half, expected);
     }
 
     #[test]

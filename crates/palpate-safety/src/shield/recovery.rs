@@ -50,6 +50,8 @@ pub struct Seen {
     pub standing: Standing,
     /// Filtered contact wrench.
     pub wrench: Wrench,
+    /// The force has been below its re-arm level for long enough.
+    pub armed: bool,
     /// After [`Action::Path`]: whether the start was reached.
     pub arrived: bool,
 }
@@ -115,7 +117,7 @@ impl Recovery {
             && seen.wrench.torque.norm() <= free_air_torque;
         self.calm = if free { self.calm + self.dt } else { 0.0 };
         self.waited += self.dt;
-        if self.calm >= free_air_time {
+        if self.calm >= free_air_time && seen.armed {
             Action::Tare
         } else if self.waited >= patience {
             self.path()
@@ -145,7 +147,7 @@ mod tests {
 
     fn seen(standing: Standing, force: f64, arrived: bool) -> Seen {
         let wrench = Wrench::new(Vector3::new(force, 0.0, 0.0), Vector3::zeros());
-        Seen { standing, wrench, arrived }
+        Seen { standing, wrench, armed: true, arrived }
     }
 
     #[test]
