@@ -1,19 +1,21 @@
 //! Two threads that have just woken may find themselves on one processor, where the kernel leaves them for longer than an
 //! update takes.
 
-/// The processor that runs the calling thread, if that is known here.
 #[cfg(target_os = "linux")]
-pub(super) fn processor() -> Option<usize> {
-    Some(rustix::thread::sched_getcpu())
+use rustix::thread::{sched_getaffinity, sched_getcpu, sched_setaffinity};
+
+/// The processor that runs the calling thread; any number where that is not known.
+#[cfg(target_os = "linux")]
+pub(super) fn processor() -> usize {
+    sched_getcpu()
 }
 
 /// Moves the calling thread to another processor if it is on this one. It may be moved on from there.
 #[cfg(target_os = "linux")]
-pub(super) fn away_from(processor: Option<usize>) {
-    use rustix::thread::{sched_getaffinity, sched_setaffinity};
-    let Some(processor) = processor.filter(|p| *p == rustix::thread::sched_getcpu()) else {
+pub(super) fn away_from(processor: usize) {
+    if sched_getcpu() != processor {
         return;
-    };
+    }
     let Ok(all) = sched_getaffinity(None) else { return };
     let mut others = all;
     others.unset(processor);
@@ -23,12 +25,10 @@ pub(super) fn away_from(processor: Option<usize>) {
     }
 }
 
-/// Unknown.
 #[cfg(not(target_os = "linux"))]
-pub(super) fn processor() -> Option<usize> {
-    None
+pub(super) fn processor() -> usize {
+    0
 }
 
-/// Nothing.
 #[cfg(not(target_os = "linux"))]
-pub(super) fn away_from(_: Option<usize>) {}
+pub(super) fn away_from(_: usize) {}
