@@ -175,6 +175,22 @@ mod tests {
         assert_eq!(rule.turned(&Wrench::zero(), &limits, 0.0, &still, &into), into, "free air");
     }
 
+    /// By hand: 10 N left of 20, so 10 / (10⁴ · 0.03) m/s; the turn comes nearer at 2 · 0.5 / 10 m/s and the tool leaves at
+    /// 0.02 m/s, so 0.0467 m/s of the turn are too much.
+    #[test]
+    fn a_turn_counts_what_the_tool_does_besides() {
+        let rule = Headroom::new(1.0e4, 0.03);
+        let limits = WrenchLimits { force: 20.0, torque: 9.0, force_norm: 40.0, torque_norm: 9.0 };
+        let wrench = Wrench::new(Vector3::z() * 10.0, Vector3::x() * 2.0);
+        let (velocity, turn) = (Vector3::z() * 0.02, Vector3::x() * -0.5);
+        let allowed = rule.turned(&wrench, &limits, 0.0, &velocity, &turn);
+        let withheld: f64 = 0.1 - 0.02 - 10.0 / 300.0;
+        assert!((allowed - Vector3::x() * (-0.5 + 5.0 * withheld)).norm() < 1e-12, "{allowed}");
+        // A torque without a force has no lever.
+        let twist = Wrench::new(Vector3::zeros(), Vector3::x() * 2.0);
+        assert_eq!(rule.turned(&twist, &limits, 0.0, &velocity, &turn), turn);
+    }
+
     #[test]
     fn pressing_ends_at_the_limit_and_leaving_never_does() {
         let rule = Headroom::new(1.0e4, 0.025);

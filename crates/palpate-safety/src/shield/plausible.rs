@@ -230,6 +230,38 @@ mod tests {
     }
 
     #[test]
+    fn forces_and_torques_are_held_against_their_own_limits() {
+        use Implausible as I;
+        // A force may jump farther than a torque may be, and the other way round.
+        assert_eq!(second(|s| s.sensor_wrench.force.z = 39.0), Ok(()));
+        assert_eq!(second(|s| s.sensor_wrench.torque.z = 3.9), Ok(()));
+        let at = |change: fn(&mut RobotState)| {
+            let mut state = sample(1);
+            change(&mut state);
+            watch().check(&state)
+        };
+        assert_eq!(at(|s| s.sensor_wrench.force.z = 149.0), Ok(()));
+        assert_eq!(at(|s| s.sensor_wrench.torque.x = 9.9), Ok(()));
+        assert!(matches!(
+            at(|s| s.sensor_wrench.torque.x = 10.0),
+            Err(I::Saturated { axis: 3, .. })
+        ));
+        assert!(matches!(
+            at(|s| s.sensor_wrench.force.z = 150.0 * SATURATED),
+            Err(I::Saturated { axis: 2, .. })
+        ));
+    }
+
+    #[test]
+    fn a_reading_may_be_frozen_anywhere() {
+        let mut w = watch();
+        let pressed = Wrench::new([5.0, -3.0, 20.0].into(), [0.1, 0.2, -0.3].into());
+        let said =
+            (1..9).map(|tick| w.check(&RobotState { sensor_wrench: pressed, ..sample(tick) }));
+        assert!(said.last().unwrap().is_err());
+    }
+
+    #[test]
     fn a_frozen_wrench_is_noticed_unless_the_sensor_has_no_noise() {
         for (allowed, noticed) in [(5, true), (0, false)] {
             let mut w = watch();
