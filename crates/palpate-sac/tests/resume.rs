@@ -17,7 +17,12 @@ struct Run {
 
 impl Run {
     fn new(seed: u64) -> Self {
+        Self::with_threads(seed, 0)
+    }
+
+    fn with_threads(seed: u64, threads: usize) -> Self {
         let config = SacConfig {
+            threads,
             hidden: vec![24, 24],
             batch_size: 16,
             start_training: 20,
@@ -74,6 +79,14 @@ fn the_same_seed_gives_the_same_bits_and_another_does_not() {
     assert_eq!(bits, second.go(90));
     assert_eq!(bytes(&first.agent), bytes(&second.agent));
     assert_ne!(bits, other.go(90));
+}
+
+#[test]
+fn one_thread_and_two_learn_the_same_bits() {
+    let (mut one, mut two) = (Run::with_threads(3, 1), Run::with_threads(3, 2));
+    assert_eq!(one.go(90), two.go(90));
+    // All but the configuration, which says how many there are.
+    assert_eq!(bytes(&one.agent)[..2], bytes(&two.agent)[..2]);
 }
 
 #[test]
