@@ -75,4 +75,23 @@ mod tests {
         assert_eq!(wrong.step(&Vector3::new(0.0, 40.0, 0.0), 0.002), None, "the force grows");
         assert_eq!(Retreat::new(CONFIG).step(&Vector3::new(f64::NAN, 0.0, 0.0), 0.002), None);
     }
+
+    #[test]
+    fn it_slows_down_towards_the_free_force_and_ends_at_it() {
+        let speed = |newton: f64| Retreat::new(CONFIG).step(&Vector3::new(0.0, newton, 0.0), 0.002);
+        assert!((speed(3.0).unwrap().y - 0.0075).abs() < 1e-15);
+        assert!((speed(4.0).unwrap().y - 0.01).abs() < 1e-15);
+        assert_eq!(speed(2.0), None);
+    }
+
+    #[test]
+    fn its_way_and_its_time_end_it_exactly() {
+        let force = Vector3::new(0.0, 30.0, 0.0);
+        let steps = |config: RetreatConfig| {
+            let mut retreat = Retreat::new(config);
+            (0..9).take_while(|_| retreat.step(&force, 0.5).is_some()).count()
+        };
+        assert_eq!(steps(RetreatConfig { time_max: 9.0, ..CONFIG }), 1, "5 mm at 10 mm/s");
+        assert_eq!(steps(RetreatConfig { distance: 1.0, ..CONFIG }), 2, "1 s");
+    }
 }
