@@ -50,7 +50,7 @@ fn main() -> anyhow::Result<()> {
             }
         }
         println!(
-            "K_f = {kp_f:.0e}: (1−S)·K_f·k = {:>3.0} 1/s → force between {late_min:.1} and {late_max:.1} N",
+            "K_f = {kp_f:.1e}: (1−S)·K_f·k = {:>3.0} 1/s → force between {late_min:.1} and {late_max:.1} N",
             0.5 * kp_f * WALL
         );
     }

@@ -1,6 +1,6 @@
 //! What you learn: what the fail-safe layer does with good and bad commands.
 //! Run: `cargo run --release -p palpate-examples --example 06_safety_layer`
-//! You should see: one command accepted, three refused with their reasons, and a force stop that latches.
+//! You should see: one command accepted and three refused, each with its reason, and the count of them.
 #![expect(clippy::print_stdout, reason = "a tutorial speaks")]
 
 use palpate_kinematics::SerialChain;

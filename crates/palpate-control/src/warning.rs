@@ -74,7 +74,8 @@ impl std::fmt::Display for Warning {
                 f,
                 "axis {}: a contact of {contact:.0} N/m is stiffer than the {limit:.0} N/m at which the force \
                  loop starts to oscillate at its strongest gains behind a {cutoff} Hz filter and a servo lag of \
-                 {:.0} ms: weaken the force gains (raise the least k_d), raise the cut-off or soften the contact",
+                 {:.0} ms: weaken the force gains (raise the least k_d), raise the cut-off or soften the contact. \
+                 A policy may learn to keep away from such gains (docs/results/stability.md)",
                 AXES[axis],
                 1e3 * servo_lag
             ),

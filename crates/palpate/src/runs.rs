@@ -36,6 +36,8 @@ pub fn show(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
 struct Line {
     config: Config,
     step: u64,
+    /// Its summary says so.
+    complete: bool,
     /// Latest evaluation of the deterministic policy.
     success: Option<f64>,
     written: bool,
@@ -50,17 +52,19 @@ impl Line {
             step = last("time/total_timesteps")?.unwrap_or(0.0) as u64;
             success = last("eval/success_rate")?;
         }
-        Ok(Self { config, step, success, written: RunDir::is_written(run) })
+        let summary = std::fs::read_to_string(run.join("summary.json")).ok();
+        let summary =
+            summary.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
+        let complete = summary.is_some_and(|summary| summary["complete"] == true);
+        Ok(Self { config, step, complete, success, written: RunDir::is_written(run) })
     }
 }
 
 impl std::fmt::Display for Line {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { config, step, success, written } = self;
+        let Self { config, step, complete, success, written } = self;
         let run = &config.run;
-        // Rows come every `log_every` steps: the last of them is not the last step.
-        let done = step + run.log_every > run.steps;
-        let state = match (written, done) {
+        let state = match (written, complete) {
             (true, _) => "training",
             (false, true) => "complete",
             (false, false) => "stopped",

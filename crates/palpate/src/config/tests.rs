@@ -39,8 +39,14 @@ fn the_example_cell_stands_the_shield_and_its_arm_is_left_out_of_a_simulation() 
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("cell.toml");
     let text = include_str!("../../../../docs/how-to/cell.toml");
-    std::fs::write(&file, format!("{text}\n[ur]\nhost = \"elsewhere\"\nstale_ticks = 8\n"))
-        .unwrap();
+    // With the keys that the example has commented out.
+    let arm: Vec<&str> = text
+        .lines()
+        .skip_while(|line| !line.starts_with("# [ur]"))
+        .map(|line| line.trim_start_matches("# "))
+        .collect();
+    let arm = arm.join("\n");
+    std::fs::write(&file, format!("{text}\n{arm}\nhost = \"elsewhere\"\n")).unwrap();
     let choice =
         Choice { file: Some(file.clone()), ..choice("palpate", "peg-insertion", "P-14", &[]) };
     let simulated = Config::load(&choice).unwrap();

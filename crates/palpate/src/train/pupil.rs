@@ -169,6 +169,12 @@ impl Pupil {
         seconds: f64,
         link: Option<serde_json::Value>,
     ) -> Result<TimeSpent> {
+        // What came after the last row; cut away again where a run goes on from its checkpoint.
+        if self.progress.pending.is_some()
+            || !self.progress.step.is_multiple_of(self.config.run.log_every)
+        {
+            self.write_row()?;
+        }
         let p = &self.progress;
         let complete = self.complete();
         let mut summary = serde_json::json!({
@@ -197,10 +203,14 @@ impl Pupil {
         self.console.finish();
         let path = self.dir.path().display();
         let next = if on_an_arm { "run-policy" } else { "evaluate" };
+        let judged = p.evaluated.map_or_else(String::new, |e| {
+            let hint = if e.success_rate < 0.5 { ": it needs more --steps" } else { "" };
+            format!("; the last evaluation {:.0} %{hint}", 100.0 * e.success_rate)
+        });
         if complete {
             self.console.note(&format!(
-                "done in {seconds:.0} s: {} episodes, {} collisions.\nnext: cargo xtask {next} {path}\n      cargo xtask plot {path}",
-                p.episodes, p.collisions
+                "done in {seconds:.0} s: {} of {} episodes succeeded, {} ended in a collision{}.\nnext: cargo xtask {next} {path}\n      cargo xtask report {path}",
+                p.successes, p.episodes, p.collisions, judged
             ));
         } else {
             self.console.note(&format!(
