@@ -18,6 +18,8 @@ const PULL: f64 = -500.0;
 struct Stuck {
     arm: IdealArm,
     simulated: bool,
+    /// Holds the tool as a glue does: 20 N/mm against any motion up from this height, m.
+    glued_at: Option<f64>,
 }
 
 impl RobotBackend for Stuck {
@@ -26,7 +28,13 @@ impl RobotBackend for Stuck {
         self.arm.period()
     }
     fn read(&mut self) -> Result<RobotState, Self::Error> {
-        self.arm.read()
+        let state = self.arm.read()?;
+        if let Some(height) = self.glued_at {
+            // The flange looks down: what pulls the tool down is along its +z.
+            self.arm.load.force.z =
+                2e4 * (chain().forward(&state.q).translation.z - height).max(0.0);
+        }
+        Ok(state)
     }
     fn write(&mut self, command: &JointCommand) -> Result<(), Self::Error> {
         self.arm.write(command)
@@ -48,6 +56,10 @@ impl RobotBackend for Stuck {
     }
 }
 
+fn chain() -> SerialChain<6> {
+    rig::flange().with_tool(rig::tool0_T_tool())
+}
+
 fn home() -> JointVector {
     rig::task().q_home
 }
@@ -55,7 +67,7 @@ fn home() -> JointVector {
 fn stuck(simulated: bool) -> Stuck {
     let mut arm = IdealArm::at(home());
     arm.load.force.z = PULL;
-    Stuck { arm, simulated }
+    Stuck { arm, simulated, glued_at: None }
 }
 
 #[test]
@@ -76,48 +88,15 @@ fn an_arm_whose_tool_is_stuck_is_left_to_a_person() {
     assert_eq!(env.rebuilt(), 0);
 }
 
-/// An arm whose tool is held as by a glue: 20 N/mm against any motion up.
-struct Glued {
-    arm: IdealArm,
-    home: f64,
-    chain: SerialChain<6>,
-}
-
-impl RobotBackend for Glued {
-    type Error = IdealArmError;
-    fn period(&self) -> Duration {
-        self.arm.period()
-    }
-    fn read(&mut self) -> Result<RobotState, Self::Error> {
-        let state = self.arm.read()?;
-        let up = self.chain.forward(&state.q).translation.z - self.home;
-        // The flange looks down: what pulls the tool down is along its +z.
-        self.arm.load.force.z = 2e4 * up.max(0.0);
-        Ok(state)
-    }
-    fn write(&mut self, command: &JointCommand) -> Result<(), Self::Error> {
-        self.arm.write(command)
-    }
-    fn stop(&mut self) -> Result<(), Self::Error> {
-        self.arm.stop()
-    }
-    fn recover(&mut self) -> Result<(), Self::Error> {
-        self.arm.recover()
-    }
-    fn tare(&mut self) -> Result<(), Self::Error> {
-        self.arm.tare()
-    }
-}
-
 /// A shield slows pulling down to nothing before any limit is reached: this must end all the same.
 #[test]
 fn a_tool_that_is_held_below_every_limit_is_not_pulled_at_for_ever() {
     for shielded in [false, true] {
-        let chain = rig::flange().with_tool(rig::tool0_T_tool());
+        let chain = chain();
         let options = IkOptions::default();
         let deep = chain.solve_near(&rig::task().base_T_goal(), &home(), &options).unwrap().q;
-        let home = chain.forward(&deep).translation.z;
-        let glued = Glued { arm: IdealArm::at(deep), home, chain };
+        let height = chain.forward(&deep).translation.z;
+        let glued = Stuck { arm: IdealArm::at(deep), simulated: false, glued_at: Some(height) };
         let mut env = rig::env(glued, "p-14", 1, |preset, _| {
             preset.safety.mode = if shielded { Mode::Shield } else { Mode::ForceFirst };
         });

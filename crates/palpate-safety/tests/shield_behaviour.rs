@@ -322,9 +322,9 @@ fn no_tick_allocates() {
     assert_eq!(preset().mode, Mode::Shield);
 }
 
-/// What is made up for presses as much as what is asked for.
+/// Asked for 0.25 m/s along x and z.
 #[test]
-fn catching_up_is_no_faster_than_the_force_that_is_left_allows() {
+fn a_path_of_joints_is_no_faster_than_the_force_that_is_left_allows() {
     let safety = preset();
     let force = safety.shield.as_ref().unwrap().force;
     let mut rig = Rig::new(&safety, home());

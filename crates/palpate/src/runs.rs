@@ -55,7 +55,10 @@ impl Line {
         let summary = std::fs::read_to_string(run.join("summary.json")).ok();
         let summary =
             summary.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
-        let complete = summary.is_some_and(|summary| summary["complete"] == true);
+        // A run that is being extended has the summary of before.
+        let complete = summary.is_some_and(|summary| {
+            summary["complete"] == true && summary["steps"].as_u64() >= Some(config.run.steps)
+        });
         Ok(Self { config, step, complete, success, written: RunDir::is_written(run) })
     }
 }

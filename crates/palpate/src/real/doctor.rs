@@ -385,3 +385,7 @@ fn link(report: &mut Report, ur: &UrConfig, watch: &Watch, arm: &UrArm) {
         report.add("this computer", grade, granted.to_string());
     }
 }
+
+#[cfg(test)]
+#[path = "doctor_tests.rs"]
+mod tests;

@@ -172,6 +172,7 @@ fn a_stop_waits_for_a_person_and_recovers_once() {
     rig.world.episode(&mut rig.pupil).unwrap();
     assert_eq!(later.join().unwrap(), (0, 0), "it recovered without a person");
     assert_eq!(Rig::count(&rig.calls, "recover"), 1);
+    assert_eq!(rig.pupil.progress.aborted, 1, "its start is used up");
     rig.world.episode(&mut rig.pupil).unwrap();
     assert_eq!(rig.pupil.progress.episodes, 2, "training goes on");
 }
