@@ -9,7 +9,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use palpate::config::Choice;
 use palpate::real::{self, Address};
-use palpate::{evaluate, interrupt, plot, report, train, virtual_ur};
+use palpate::{evaluate, interrupt, plot, report, study, train, virtual_ur};
 
 /// Teach a position-controlled robot arm to feel its way.
 ///
@@ -71,6 +71,9 @@ enum Command {
     /// Curves, force against its limit, gains by phase, what the fail-safe layer did and where, the policy before and
     /// after training, configuration and provenance. Several runs are compared.
     Report(report::Options),
+    /// Do many runs from one file, resumable and shared out by any scheduler, and report them with statistics.
+    #[command(subcommand)]
+    Study(study::Study),
     /// Look after run directories: list, verify, repair, copy, export.
     #[command(subcommand)]
     Runs(commands::Runs),
@@ -283,7 +286,7 @@ fn main() -> ExitCode {
         .init();
     let cli = Cli::parse();
     match run(cli.command) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(e) => {
             let _ = writeln!(std::io::stderr(), "error: {e:#}");
             ExitCode::FAILURE
@@ -291,9 +294,10 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(command: Command) -> anyhow::Result<()> {
+fn run(command: Command) -> anyhow::Result<ExitCode> {
     interrupt::install()?;
-    match command {
+    let done: anyhow::Result<()> = match command {
+        Command::Study(what) => return what.run(),
         Command::TrainSim(args) => args.run(),
         Command::TrainReal(args) => real::train_real(&real::TrainReal {
             address: args.rtde,
@@ -352,7 +356,8 @@ fn run(command: Command) -> anyhow::Result<()> {
             }
             Ok(())
         }
-    }
+    };
+    done.map(|()| ExitCode::SUCCESS)
 }
 
 impl Settings {
