@@ -383,7 +383,7 @@ policy = ["zero", "scripted"]
             assert!(!study.plan().unwrap().is_empty());
         }
         let paper =
-            Study::parse(&super::text(Path::new("paper")).unwrap()).unwrap().plan().unwrap();
+            Study::parse(&text(Path::new("paper")).unwrap()).unwrap().plan().unwrap();
         let peg = paper.iter().filter(|run| run.block == "peg").count();
         assert!(peg >= 8 * 2 * 5, "{peg}");
     }

@@ -60,8 +60,10 @@ pub(super) fn markdown(title: &str, chapters: &[Chapter]) -> String {
                 Item::Table(head, rows) => {
                     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
                     out += &line(head);
-                    out += &format!("|{}\n", "---|".repeat(head.len()));
-                    rows.iter().for_each(|row| out += &line(row));
+                    _ = writeln!(out, "|{}", "---|".repeat(head.len()));
+                    for row in rows {
+                        out += &line(row);
+                    }
                 }
                 Item::Figure(file, _, caption) => _ = writeln!(out, "![{caption}]({file})"),
             }
@@ -83,8 +85,8 @@ pub(super) fn html(title: &str, chapters: &[Chapter]) -> String {
             match item {
                 Item::Text(text) => _ = write!(body, "<p>{}</p>", spans(text)),
                 Item::List(lines) => {
-                    let lines: String =
-                        lines.iter().map(|line| format!("<li>{}</li>", spans(line))).collect();
+                    let line = |line: &String| format!("<li>{}</li>", spans(line));
+                    let lines = lines.iter().map(line).collect::<Vec<_>>().concat();
                     _ = write!(body, "<ul>{lines}</ul>");
                 }
                 Item::Table(head, rows) => {
@@ -120,7 +122,7 @@ fn spans(text: &str) -> String {
     let mut out = escape(text);
     for (mark, tag) in [("**", "b"), ("`", "code")] {
         let parts: Vec<&str> = out.split(mark).collect();
-        if parts.len() % 2 == 0 {
+        if parts.len().is_multiple_of(2) {
             continue;
         }
         let marked = |(i, part): (usize, &&str)| {

@@ -51,6 +51,9 @@ pub(super) struct Motion {
     second_z: f64,
 }
 
+/// Name and value of a line in a picture.
+type Line = (&'static str, fn(&Motion) -> f64);
+
 /// Runs the first and the last policy of one run of each shown model; what was collected before where the run's folder
 /// is not here.
 pub(super) fn collect(folder: &Folder) -> anyhow::Result<Vec<Motion>> {
@@ -150,7 +153,6 @@ pub(super) fn figures(motions: &[Motion]) -> Vec<(String, Option<String>, String
             if of.is_empty() {
                 continue;
             }
-            type Line = (&'static str, fn(&Motion) -> f64);
             let panels: [(&str, &str, &[Line]); 4] = [
                 (
                     "observation",
@@ -180,13 +182,8 @@ pub(super) fn figures(motions: &[Motion]) -> Vec<(String, Option<String>, String
     all
 }
 
-fn panel(
-    title: &str,
-    label: &str,
-    lines: &[(&'static str, fn(&Motion) -> f64)],
-    of: &[&Motion],
-) -> Option<String> {
-    let curve = |(name, value): &(&'static str, fn(&Motion) -> f64)| Curve {
+fn panel(title: &str, label: &str, lines: &[Line], of: &[&Motion]) -> Option<String> {
+    let curve = |(name, value): &Line| Curve {
         label: (*name).into(),
         runs: vec![of.iter().map(|m| (m.time, value(m))).collect()],
     };
@@ -212,7 +209,7 @@ fn shades(of: &[&Motion]) -> Vec<Shade> {
         let to = of.get(i + 1).map_or(motion.time, |next| next.time);
         match all.last_mut() {
             Some((phase, shade)) if *phase == motion.phase && shade.to == motion.time => {
-                shade.to = to
+                shade.to = to;
             }
             _ => all.push((
                 motion.phase.clone(),

@@ -57,7 +57,11 @@ pub(super) fn successes(title: &str, groups: &[&Group<'_>]) -> Option<String> {
         y_range: Some((0.0, 1.0)),
         ..panel(title, STEPS, "success, interquartile mean, 95 %", Spread::Iqm)
     };
-    draw(&panel, &curves(groups, |group, run| group.curve(run)))
+    draw(&panel, &curves(groups, evaluations))
+}
+
+fn evaluations(group: &Group<'_>, run: &RunRow) -> Vec<(f64, f64)> {
+    group.curve(run)
 }
 
 /// Collisions so far.

@@ -48,14 +48,9 @@ impl<'a> Group<'a> {
 
     pub(super) fn name(&self) -> String {
         let RunRow { model, penalty, varied, .. } = self.first;
-        let mut name = model.clone();
-        if !penalty {
-            name += ", no penalty";
-        }
-        if !varied.is_empty() {
-            name += &format!(", {varied}");
-        }
-        name
+        let penalty = if *penalty { "" } else { ", no penalty" };
+        let varied = if varied.is_empty() { String::new() } else { format!(", {varied}") };
+        format!("{model}{penalty}{varied}")
     }
 
     pub(super) fn seeds(&self) -> usize {

@@ -9,6 +9,7 @@ mod figures;
 mod group;
 mod orderings;
 mod paper;
+mod policies;
 
 use std::path::PathBuf;
 

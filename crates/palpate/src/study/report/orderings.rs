@@ -7,136 +7,126 @@ use palpate_runs::stats::probability_of_improvement;
 
 use super::group::{CONFIDENCE, Group, RESAMPLES, dash, median};
 use super::{figures, paper};
+use crate::study::rows::RunRow;
 
 /// A claim of the paper, and what is found.
 pub(super) struct Claim {
-    pub(super) claim: String,
+    pub(super) words: String,
     pub(super) found: String,
     pub(super) verdict: &'static str,
 }
 
-const HOLDS: &str = "holds";
-const CONTRADICTED: &str = "contradicted";
-const OPEN: &str = "open";
+pub(super) const HOLDS: &str = "holds";
+pub(super) const CONTRADICTED: &str = "contradicted";
+pub(super) const OPEN: &str = "open";
 
 /// P(a > b) as text and what it says.
 pub(super) fn compared(a: &[f64], b: &[f64]) -> (String, &'static str) {
-    match probability_of_improvement(a, b, RESAMPLES, CONFIDENCE, 1) {
-        None => ("–".into(), OPEN),
-        Some((p, (low, high))) => {
-            let verdict = if low > 0.5 {
-                HOLDS
-            } else if high < 0.5 {
-                CONTRADICTED
-            } else {
-                OPEN
-            };
-            (format!("{p:.2} ({low:.2}–{high:.2})"), verdict)
-        }
+    let Some((p, (low, high))) = probability_of_improvement(a, b, RESAMPLES, CONFIDENCE, 1) else {
+        return ("–".into(), OPEN);
+    };
+    let verdict = match (low > 0.5, high < 0.5) {
+        (true, _) => HOLDS,
+        (_, true) => CONTRADICTED,
+        _ => OPEN,
+    };
+    (format!("{p:.2} ({low:.2}–{high:.2})"), verdict)
+}
+
+/// One number per run of a group.
+type Score = fn(&Group<'_>) -> Vec<f64>;
+
+/// The eight models, from the groups of one block.
+struct Models<'a, 'b>(&'b [&'b Group<'a>]);
+
+impl<'a> Models<'a, '_> {
+    fn find(&self, model: &str, penalty: bool) -> Option<&Group<'a>> {
+        let is = |g: &&&Group<'_>| g.first.model == model && g.first.penalty == penalty;
+        self.0.iter().find(is).copied()
+    }
+
+    /// A score of all runs of a family with penalty, but for one model.
+    fn family(&self, letter: char, but: &str, score: Score) -> Vec<f64> {
+        let is = |g: &&&Group<'_>| g.family() == letter && g.first.penalty && g.first.model != but;
+        self.0.iter().filter(is).flat_map(|g| score(g)).collect()
+    }
+
+    /// One model against the rest of its family: whether its score is the highest, or the lowest.
+    fn extreme(&self, model: &str, highest: bool, score: Score, words: &str) -> Option<Claim> {
+        let own = score(self.find(model, true)?);
+        let rest = self.family(model.chars().next()?, model, score);
+        let (found, verdict) = if highest { compared(&own, &rest) } else { compared(&rest, &own) };
+        let words = format!("{model}: {words}");
+        Some(Claim { words, found: format!("P against the others {found}"), verdict })
+    }
+
+    /// The same model without the penalty: is its score higher?
+    fn without(&self, model: &str, score: Score, words: &str) -> Option<Claim> {
+        let (with, without) = (score(self.find(model, true)?), score(self.find(model, false)?));
+        let (found, verdict) = compared(&without, &with);
+        let middle = |scores: &[f64]| dash(median(scores), 0);
+        let found = format!("{} against {} without; P {found}", middle(&with), middle(&without));
+        Some(Claim { words: format!("{model}: {words}"), found, verdict })
     }
 }
 
 /// The claims about the eight models, from the groups of one block.
 pub(super) fn claims(groups: &[&Group<'_>]) -> Vec<Claim> {
-    let find = |model: &str, penalty: bool| {
-        groups.iter().copied().find(|g| g.first.model == model && g.first.penalty == penalty)
-    };
-    let mut all = Vec::new();
-    for row in &paper::TABLE_II {
-        let (Some(with), Some(without)) = (find(row.model, true), find(row.model, false)) else {
-            continue;
-        };
-        let (found, verdict) = compared(&counts(without), &counts(with));
-        let claim = format!("{}: fewer collisions with the penalty", row.model);
-        all.push(Claim { claim, found: format!("P(more without) {found}"), verdict });
+    let models = Models(groups);
+    let penalised = paper::TABLE_II.iter().map(|row| row.model);
+    let mut all: Vec<Claim> = penalised
+        .filter_map(|m| models.without(m, collisions, "fewer collisions with the penalty"))
+        .collect();
+    let ends = (models.family('P', "", last_return), models.family('A', "", last_return));
+    if !ends.0.is_empty() && !ends.1.is_empty() {
+        let (found, verdict) = compared(&ends.0, &ends.1);
+        let words = "P models end with more return than A models".into();
+        all.push(Claim { words, found: format!("P {found}"), verdict });
     }
-    let family = |letter: char| {
-        move |g: &&&Group<'_>| g.family() == letter && g.first.penalty && g.first.model != "P-6"
-    };
-    for (model, letter, fewest) in
-        [("P-14", 'P', true), ("A-13pd", 'A', true), ("P-24", 'P', false), ("A-18", 'A', false)]
-    {
-        let Some(one) = find(model, true) else { continue };
-        let others: Vec<f64> = groups
-            .iter()
-            .filter(family(letter))
-            .filter(|g| g.first.model != model)
-            .flat_map(|g| counts(g))
-            .collect();
-        let (what, (found, verdict)) = if fewest {
-            ("fewest", compared(&others, &counts(one)))
-        } else {
-            ("most", compared(&counts(one), &others))
-        };
-        let claim = format!("{model}: the {what} collisions of its family");
-        all.push(Claim { claim, found: format!("P against the others {found}"), verdict });
-    }
-    let pool = |letter: char, of: fn(&Group<'_>) -> Vec<f64>| -> Vec<f64> {
-        groups.iter().filter(family(letter)).flat_map(|g| of(g)).collect()
-    };
-    let (found, verdict) = compared(&pool('P', last_returns), &pool('A', last_returns));
-    let claim = "P models end with more return than A models".into();
-    all.push(Claim { claim, found: format!("P(P > A) {found}"), verdict });
-    for (model, letter) in [("P-9", 'P'), ("A-8", 'A')] {
-        let Some(one) = find(model, true) else { continue };
-        let others: Vec<f64> = groups
-            .iter()
-            .filter(family(letter))
-            .filter(|g| g.first.model != model)
-            .flat_map(|g| last_returns(g))
-            .collect();
-        let (found, verdict) = compared(&others, &last_returns(one));
-        let claim = format!("{model}: the least return of its family at the end");
-        all.push(Claim { claim, found: format!("P(another is better) {found}"), verdict });
-    }
-    for (model, quick) in [("P-14", true), ("P-24", false)] {
-        let Some(one) = find(model, true) else { continue };
-        let others: Vec<f64> = groups
-            .iter()
-            .filter(family('P'))
-            .filter(|g| g.first.model != model)
-            .flat_map(|g| g.areas())
-            .collect();
-        let (what, (found, verdict)) = if quick {
-            ("quickest", compared(&one.areas(), &others))
-        } else {
-            ("slowest", compared(&others, &one.areas()))
-        };
-        let claim = format!("{model}: the {what} to learn of its family");
-        let found = format!("P by success over the whole training {found}");
-        all.push(Claim { claim, found, verdict });
-    }
-    if let (Some(with), Some(without)) = (find("A-13pd", true), find("A-13pd", false)) {
-        let (a, b) = (reaching(with, 100.0), reaching(without, 100.0));
-        let (found, verdict) = compared(&b, &a);
-        let steps = |v: &[f64]| dash(median(v), 0);
-        all.push(Claim {
-            claim: "A-13pd: a return of 100 sooner with the penalty (12k against 20k steps)".into(),
-            found: format!("{} against {} steps; P {found}", steps(&a), steps(&b)),
-            verdict,
-        });
-    }
+    let (fewest, most) = ("fewest collisions of its family", "most collisions of its family");
+    let least = "least return of its family at the end";
+    all.extend(
+        [
+            models.extreme("P-14", false, collisions, fewest),
+            models.extreme("A-13pd", false, collisions, fewest),
+            models.extreme("P-24", true, collisions, most),
+            models.extreme("A-18", true, collisions, most),
+            models.extreme("P-9", false, last_return, least),
+            models.extreme("A-8", false, last_return, least),
+            models.extreme("P-14", true, success, "learns quickest of its family"),
+            models.extreme("P-24", false, success, "learns slowest of its family"),
+            models.without(
+                "A-13pd",
+                reaching_100,
+                "a return of 100 sooner with the penalty, steps",
+            ),
+        ]
+        .into_iter()
+        .flatten(),
+    );
     all
 }
 
-/// Collisions of each run.
-fn counts(group: &Group<'_>) -> Vec<f64> {
+fn collisions(group: &Group<'_>) -> Vec<f64> {
     group.runs.iter().map(|run| run.collisions as f64).collect()
 }
 
+/// Mean success of each run over its training.
+fn success(group: &Group<'_>) -> Vec<f64> {
+    group.areas()
+}
+
 /// Smoothed return of each run at its end.
-fn last_returns(group: &Group<'_>) -> Vec<f64> {
-    let last = |run: &&crate::study::rows::RunRow| {
-        figures::smoothed(group, run).last().map(|(_, total)| *total)
-    };
+fn last_return(group: &Group<'_>) -> Vec<f64> {
+    let last = |run: &&RunRow| figures::smoothed(group, run).last().map(|(_, total)| *total);
     group.runs.iter().filter_map(last).collect()
 }
 
-/// Step at which the smoothed return of each run first reaches a value.
-fn reaching(group: &Group<'_>, value: f64) -> Vec<f64> {
-    let first = |run: &&crate::study::rows::RunRow| {
+/// Step at which the smoothed return of each run first reaches 100.
+fn reaching_100(group: &Group<'_>) -> Vec<f64> {
+    let first = |run: &&RunRow| {
         let curve = figures::smoothed(group, run);
-        curve.into_iter().find(|(_, total)| *total >= value).map(|(step, _)| step)
+        curve.into_iter().find(|(_, total)| *total >= 100.0).map(|(step, _)| step)
     };
     group.runs.iter().filter_map(first).collect()
 }
@@ -144,6 +134,9 @@ fn reaching(group: &Group<'_>, value: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::study::plan::Kind;
+    use crate::study::report::group::groups;
+    use crate::study::rows::Rows;
 
     #[test]
     fn a_verdict_needs_an_interval_on_one_side() {
@@ -151,5 +144,44 @@ mod tests {
         assert_eq!(compared(&[1.0, 2.0, 3.0], &[5.0, 6.0, 7.0]).1, CONTRADICTED);
         assert_eq!(compared(&[1.0, 6.0, 3.0], &[5.0, 2.0, 3.0]).1, OPEN);
         assert_eq!(compared(&[], &[1.0]).1, OPEN);
+    }
+
+    #[test]
+    fn claims_follow_the_counts() {
+        let run = |model: &str, penalty: bool, seed: u64, collisions: u64| RunRow {
+            run: format!("{model}{penalty}{seed}"),
+            block: "peg".into(),
+            task: "peg-insertion".into(),
+            model: model.into(),
+            policy: Kind::Learned,
+            penalty,
+            seed,
+            steps: 100,
+            varied: String::new(),
+            episodes: 10,
+            successes: 5,
+            collisions,
+            first_success_step: None,
+            kept_step: None,
+        };
+        let mut rows = Rows::default();
+        for seed in 0..3 {
+            rows.runs.push(run("P-14", true, seed, 1 + seed));
+            rows.runs.push(run("P-14", false, seed, 20 + seed));
+            rows.runs.push(run("P-9", true, seed, 9 + seed));
+            rows.runs.push(run("P-9", false, seed, seed));
+        }
+        let groups = groups(&rows);
+        let groups: Vec<&Group<'_>> = groups.iter().collect();
+        let claims = claims(&groups);
+        let verdict = |words: &str| {
+            claims.iter().find(|c| c.words == words).map(|c| (c.verdict, c.found.as_str()))
+        };
+        let fewer = "fewer collisions with the penalty";
+        let found = "2 against 21 without; P 1.00 (1.00–1.00)";
+        assert_eq!(verdict(&format!("P-14: {fewer}")), Some((HOLDS, found)));
+        assert_eq!(verdict(&format!("P-9: {fewer}")).unwrap().0, CONTRADICTED);
+        assert_eq!(verdict("P-14: fewest collisions of its family").unwrap().0, HOLDS);
+        assert_eq!(verdict(&format!("A-8: {fewer}")), None);
     }
 }
