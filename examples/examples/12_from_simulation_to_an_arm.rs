@@ -52,6 +52,7 @@ fn main() -> anyhow::Result<()> {
         },
         from: Some(folder.join("sim")),
         resume: None,
+        demonstrations: None,
         out: Some(folder.join("real")),
         dry_run: false,
         // Nobody stands beside a virtual arm.

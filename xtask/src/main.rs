@@ -28,6 +28,7 @@ Usage: cargo xtask COMMAND [ARGS…]
 
 Robot learning (builds the release binary if needed, then runs `palpate COMMAND ARGS…`):
   train-sim        train a policy in simulation
+  demonstrate --out FILE  record a script or a policy; train-sim --demonstrations FILE learns from it
   evaluate RUN     measure a trained policy beside three baselines
   plot RUN…        draw learning curves
   report RUN…      the story of one or more runs on one page of HTML; --live while they train

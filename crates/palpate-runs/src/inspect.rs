@@ -15,6 +15,8 @@ const DAMAGED: &str = "damaged";
 const TABLES: [&str; 2] = ["metrics.csv", "episodes.csv"];
 /// Every transition of a run on an arm.
 pub const JOURNAL: &str = "replay.journal";
+/// What a run was shown before it began.
+pub const DEMONSTRATIONS: &str = "demonstrations.journal";
 
 /// How a part of a run is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,8 +70,8 @@ pub fn inspect(run: &Path) -> Result<Vec<Part>, RunError> {
         parts.push(Part { name: below(run, &unfinished), health });
     }
     parts.extend(TABLES.iter().filter(|name| run.join(name).exists()).map(|name| table(run, name)));
-    if run.join(JOURNAL).exists() {
-        parts.push(journal(run)?);
+    for name in [JOURNAL, DEMONSTRATIONS].into_iter().filter(|name| run.join(name).exists()) {
+        parts.push(journal(run, name)?);
     }
     Ok(parts)
 }
@@ -97,11 +99,12 @@ pub fn repair(run: &Path) -> Result<Vec<String>, RunError> {
                 let (_, held) = Journal::open(&path)?;
                 done.push(format!("cut {name} to its {} whole records", held.records.len()));
             }
-            Health::Unfinished(_) => {
+            Health::Unfinished(_) if name != DEMONSTRATIONS => {
                 cut_half_row(&path)?;
                 done.push(format!("cut the half row at the end of {name}"));
             }
-            Health::Damaged(_) => {
+            // Learning from half of what was shown would be another training: a checkpoint holds the whole.
+            Health::Unfinished(_) | Health::Damaged(_) => {
                 let restored = (name == CONFIG).then(|| spare_config(run)).transpose()?;
                 let aside = set_aside(run, &path)?;
                 done.push(format!("moved {name} to {aside}"));
@@ -141,16 +144,18 @@ fn table(run: &Path, name: &str) -> Part {
     Part { name: name.into(), health }
 }
 
-fn journal(run: &Path) -> Result<Part, RunError> {
-    let path = run.join(JOURNAL);
-    let held = Journal::read(&path)?;
+fn journal(run: &Path, name: &str) -> Result<Part, RunError> {
+    let held = Journal::read(&run.join(name))?;
     let records = held.records.len();
     let health = match held.damage {
         Some(damage) => Health::Damaged(format!("{damage}; {records} whole records before it")),
         None if held.torn => Health::Unfinished(format!("ends in half a record after {records}")),
+        None if name == DEMONSTRATIONS => {
+            Health::Whole(format!("{} transitions", records.saturating_sub(1)))
+        }
         None => Health::Whole(format!("{records} transitions")),
     };
-    Ok(Part { name: JOURNAL.into(), health })
+    Ok(Part { name: name.into(), health })
 }
 
 fn cut_half_row(path: &Path) -> Result<(), RunError> {

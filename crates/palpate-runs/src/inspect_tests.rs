@@ -108,3 +108,27 @@ fn a_run_that_is_written_is_not_repaired_but_copied() {
     assert!(!to.join("lock").exists());
     assert!(matches!(copy(&path, &to), Err(RunError::NotEmpty(_))));
 }
+
+#[test]
+fn demonstrations_are_whole_or_set_aside() {
+    let (_root, path) = run();
+    let shown = path.join(DEMONSTRATIONS);
+    let (mut journal, _) = Journal::open(&shown).unwrap();
+    for record in ["header", "step", "step"] {
+        journal.append(record.as_bytes()).unwrap();
+    }
+    let part = inspect(&path).unwrap().pop().unwrap();
+    assert_eq!(part.health, Health::Whole("2 transitions".into()));
+    let whole = fs::read(&shown).unwrap();
+    // Cut short, or changed.
+    for change in [0, 1] {
+        let mut bytes = whole[..whole.len() - 1 + change].to_vec();
+        *bytes.last_mut().unwrap() ^= change as u8;
+        fs::write(&shown, &bytes).unwrap();
+        assert_eq!(not_whole(&path), [DEMONSTRATIONS]);
+        repair(&path).unwrap();
+        assert!(!shown.exists());
+        assert_eq!(fs::read(path.join("damaged").join(DEMONSTRATIONS)).unwrap(), bytes);
+        fs::remove_file(path.join("damaged").join(DEMONSTRATIONS)).unwrap();
+    }
+}

@@ -54,6 +54,13 @@ impl Journal {
         }
     }
 
+    /// Copies the whole records of a journal to another file, which is there with all of them or not at all.
+    pub fn copy(from: &Path, to: &Path) -> Result<(), RunError> {
+        let bytes = fs::read(from).at("read", from)?;
+        let whole = parse(&bytes).whole as usize;
+        durable::write(to, bytes.get(..whole).unwrap_or_default())
+    }
+
     /// Opens a journal to append to it, or begins one. Gives what it held, after cutting what is not whole;
     /// the bytes that are cut go to `NAME.cut` first.
     pub fn open(path: &Path) -> Result<(Self, Records), RunError> {
@@ -215,6 +222,17 @@ mod tests {
             assert!(before < PAYLOADS.len(), "bit {bit} was not noticed");
             assert_eq!(fs::read(&beside).unwrap(), broken[held.whole as usize..], "bit {bit}");
         }
+    }
+
+    #[test]
+    fn a_copy_holds_the_whole_records_and_no_half_one() {
+        let (dir, path, whole) = journal();
+        fs::write(&path, &whole[..whole.len() - 1]).unwrap();
+        let to = dir.path().join("copy");
+        Journal::copy(&path, &to).unwrap();
+        let held = Journal::read(&to).unwrap();
+        assert_eq!((held.records.len(), held.torn), (3, false));
+        Journal::copy(&dir.path().join("none"), &to).unwrap_err();
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! ├── metrics.csv        one row per log step; same seed, same bytes
 //! ├── episodes.csv       one row per episode
 //! ├── replay.journal     every transition of a run on an arm, as it happened
+//! ├── demonstrations.journal  what it was shown before it began, if anything
 //! ├── tb/                the metrics again, as TensorBoard event files
 //! ├── checkpoints/       step_0020000 (the last three), best_0018000 (the last two)
 //! ├── plots/             SVG
@@ -60,7 +61,7 @@ pub use copy::copy;
 pub use dir::{RunDir, list};
 pub use durable::write as write_whole;
 pub use error::{Rejected, RunError};
-pub use inspect::{Health, JOURNAL, Part, inspect, repair};
+pub use inspect::{DEMONSTRATIONS, Health, JOURNAL, Part, inspect, repair};
 pub use journal::{Journal, Records};
 pub use metrics::Metrics;
 pub use table::{Csv, Mark, Table};

@@ -5,7 +5,8 @@ use rand::Rng;
 
 use crate::error::{check_length, check_vector};
 use crate::learner::{Batch, Learner};
-use crate::replay::{Replay, Return};
+use crate::memory::{Drawn, Memory};
+use crate::replay::Return;
 use crate::rng::{Streams, fill_normal};
 use crate::{LearnFrom, Policy, SacConfig, SacError, Transition, UpdateStats};
 
@@ -29,7 +30,7 @@ pub struct Sac {
     pub(crate) action_dim: usize,
     pub(crate) seed: u64,
     pub(crate) learner: Learner,
-    pub(crate) replay: Replay,
+    pub(crate) memory: Memory,
     pub(crate) streams: Streams,
     /// Transitions observed.
     pub(crate) steps: u64,
@@ -61,7 +62,7 @@ impl Sac {
         Ok(Self {
             policy: learner.policy()?,
             learner,
-            replay: Replay::new(config.replay_capacity, observation_dim, action_dim),
+            memory: Memory::new(config, observation_dim, action_dim),
             streams,
             steps: 0,
             updates: 0,
@@ -101,20 +102,44 @@ impl Sac {
     /// # Errors
     /// If a vector has the wrong length or a number is not finite; nothing is stored then.
     pub fn observe(&mut self, transition: &Transition<'_>) -> Result<(), SacError> {
+        self.check(transition)?;
+        self.memory.own.push(transition);
+        self.steps += 1;
+        Ok(())
+    }
+
+    /// Remembers one step that somebody showed. Its kind makes [`demonstration_share`] of every batch from then on; it
+    /// counts as no step of the agent's own and is never forgotten.
+    ///
+    /// [`demonstration_share`]: SacConfig::demonstration_share
+    ///
+    /// # Errors
+    /// As of [`observe`](Self::observe).
+    pub fn demonstrate(&mut self, transition: &Transition<'_>) -> Result<(), SacError> {
+        self.check(transition)?;
+        self.memory.demonstrations.replay.push(transition);
+        Ok(())
+    }
+
+    /// Says that the episode that ends at the newest transition ended in a violation. Its last
+    /// [`danger_steps`](SacConfig::danger_steps) are kept a second time if
+    /// [`danger_share`](SacConfig::danger_share) is not 0.
+    pub fn remember_danger(&mut self) {
+        self.memory.remember_danger();
+    }
+
+    fn check(&self, transition: &Transition<'_>) -> Result<(), SacError> {
         check_vector("observation", self.observation_dim, transition.observation)?;
         check_vector("action", self.action_dim, transition.action)?;
         check_vector("executed action", self.action_dim, transition.executed)?;
         check_vector("reward", 1, &[transition.reward])?;
-        check_vector("next observation", self.observation_dim, transition.next_observation)?;
-        self.replay.push(transition);
-        self.steps += 1;
-        Ok(())
+        check_vector("next observation", self.observation_dim, transition.next_observation)
     }
 
     /// Says that the running episode ends at the newest transition after all: whatever comes next
     /// starts elsewhere. For an episode cut short from outside.
     pub fn end_episode(&mut self) {
-        self.replay.end_episode();
+        self.memory.own.end_episode();
     }
 
     /// Learns: `updates_per_step` updates, or none while there is too little to learn from.
@@ -122,7 +147,7 @@ impl Sac {
     /// # Errors
     /// [`SacError::Diverged`] if a loss or gradient is not finite.
     pub fn update(&mut self) -> Result<Option<UpdateStats>, SacError> {
-        if self.replay.len() < self.config.start_training {
+        if self.memory.own.len() < self.config.start_training {
             return Ok(None);
         }
         let team = self.learner.team();
@@ -147,20 +172,22 @@ impl Sac {
             self.config;
         let (o, a) = (self.observation_dim, self.action_dim);
         // One column after the other: reads that do not wait for each other hide the distance to memory.
-        let Self { replay, streams, learner, .. } = self;
-        let slots: Vec<usize> = (0..rows).map(|_| replay.draw(&mut streams.replay)).collect();
+        let Self { memory, streams, learner, .. } = self;
+        let drawn: Vec<Drawn<'_>> = memory.draw(rows, &mut streams.replay);
         let returns: Vec<Return> =
-            slots.iter().map(|slot| replay.n_step(*slot, n_step, gamma)).collect();
-        let observation = gather(rows * o, slots.iter().map(|slot| replay.observation(*slot)));
+            drawn.iter().map(|(replay, slot)| replay.n_step(*slot, n_step, gamma)).collect();
+        let observation =
+            gather(rows * o, drawn.iter().map(|(replay, slot)| replay.observation(*slot)));
         let action = gather(
             rows * a,
-            slots.iter().map(|slot| match learn_from {
+            drawn.iter().map(|(replay, slot)| match learn_from {
                 LearnFrom::Proposed => replay.action(*slot),
                 LearnFrom::Executed => replay.executed(*slot),
             }),
         );
+        let ends = drawn.iter().zip(&returns);
         let bootstrap_observation =
-            gather(rows * o, returns.iter().map(|r| replay.next_observation(r.slot)));
+            gather(rows * o, ends.map(|((replay, _), r)| replay.next_observation(r.slot)));
         let reward = returns.iter().map(|r| (reward_scale * r.reward) as f32).collect();
         let discount = returns.iter().map(|r| r.discount as f32).collect();
         let device = learner.device();
@@ -209,14 +236,19 @@ impl Sac {
         self.steps
     }
 
-    /// What is in the replay, oldest first.
+    /// What the agent went through, as far as the replay holds it, oldest first.
     pub fn transitions(&self) -> impl Iterator<Item = Transition<'_>> {
-        self.replay.transitions()
+        self.memory.own.transitions()
     }
 
-    /// Transitions in the replay.
+    /// Transitions in the replay, of the agent's own.
     pub fn replay_len(&self) -> usize {
-        self.replay.len()
+        self.memory.own.len()
+    }
+
+    /// Transitions that were [demonstrated](Self::demonstrate).
+    pub fn demonstrated(&self) -> usize {
+        self.memory.demonstrations.replay.len()
     }
 
     /// The configuration the agent was made with.

@@ -3,7 +3,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `agent.safetensors` | every layer of every network as (inputs, outputs) weight and bias, Adam's moments, log α |
-//! | `replay.safetensors` | the ring, one tensor per column |
+//! | `replay.safetensors` | the ring, one tensor per column; demonstrations and danger likewise, where there are any |
 //! | `state.json` | configuration, counters, random streams |
 //!
 //! [`Sac::save_policy`] writes `agent.safetensors` with the actor alone; [`Policy::load`] reads
@@ -50,6 +50,9 @@ struct State {
     steps: u64,
     updates: u64,
     replay_next: usize,
+    /// Files from before danger was kept apart hold none.
+    #[serde(default)]
+    danger_next: usize,
     adam_steps: AdamSteps,
     streams: Streams,
     config: SacConfig,
@@ -76,7 +79,7 @@ impl Sac {
             action_dim,
             seed,
             learner,
-            replay,
+            memory,
             streams,
             steps,
             updates,
@@ -95,26 +98,24 @@ impl Sac {
         agent.f32("log_alpha", &[1], &learner.log_alpha.as_tensor().to_vec1()?);
         agent.save(&directory.join(AGENT), &actor_header(policy))?;
 
-        let mut ring = Writer::new();
-        let Replay { capacity: _, observation_dim: _, action_dim: _, next, .. } = replay;
-        let (rows, o, a) = (replay.len(), *observation_dim, *action_dim);
-        ring.f32("observation", &[rows, o], &replay.observations);
-        ring.f32("action", &[rows, a], &replay.actions);
-        ring.f32("executed", &[rows, a], &replay.executed);
-        ring.f32("reward", &[rows], &replay.rewards);
-        ring.f32("next_observation", &[rows, o], &replay.next_observations);
-        ring.u8("terminal", &[rows], &replay.terminals);
-        ring.u8("episode_end", &[rows], &replay.episode_ends);
-        ring.save(&directory.join(REPLAY), &FORMAT)?;
+        let mut rings = Writer::new();
+        write_ring(&mut rings, "", &memory.own);
+        for (prefix, part) in [(SHOWN, &memory.demonstrations), (DANGER, &memory.danger)] {
+            if part.replay.len() > 0 {
+                write_ring(&mut rings, prefix, &part.replay);
+            }
+        }
+        rings.save(&directory.join(REPLAY), &FORMAT)?;
 
         let state = State {
             format: FORMAT,
-            observation_dim: o,
-            action_dim: a,
+            observation_dim: *observation_dim,
+            action_dim: *action_dim,
             seed: *seed,
             steps: *steps,
             updates: *updates,
-            replay_next: *next,
+            replay_next: memory.own.next,
+            danger_next: memory.danger.replay.next,
             adam_steps: AdamSteps {
                 actor: learner.actor_moments.steps,
                 critics: [learner.critic_moments[0].steps, learner.critic_moments[1].steps],
@@ -165,26 +166,19 @@ impl Sac {
             &candle_core::Device::Cpu,
         )?)?;
 
-        let path = directory.join(REPLAY);
-        let reader = Reader::open(&path)?;
-        let rows = reader.rows("reward")?;
-        let replay = &mut agent.replay;
-        let (capacity, next) = (replay.capacity, state.replay_next);
-        let expected_next = if rows < capacity { next == rows } else { next < capacity };
-        if rows > capacity || !expected_next {
-            let reason = format!(
-                "{rows} transitions with the next at {next} do not fit a ring of {capacity}"
-            );
-            return Err(SacError::checkpoint(&path, reason));
+        let reader = Reader::open(&directory.join(REPLAY))?;
+        let memory = &mut agent.memory;
+        read_ring(&reader, "", state.replay_next, &mut memory.own)?;
+        for (prefix, part, next) in [
+            (SHOWN, &mut memory.demonstrations, None),
+            (DANGER, &mut memory.danger, Some(state.danger_next)),
+        ] {
+            let reward = format!("{prefix}reward");
+            if reader.has(&reward)? {
+                let next = next.map_or_else(|| reader.rows(&reward), Ok)?;
+                read_ring(&reader, prefix, next, &mut part.replay)?;
+            }
         }
-        replay.next = next;
-        replay.observations = reader.f32("observation", &[rows, o])?;
-        replay.actions = reader.f32("action", &[rows, a])?;
-        replay.executed = reader.f32("executed", &[rows, a])?;
-        replay.rewards = reader.f32("reward", &[rows])?;
-        replay.next_observations = reader.f32("next_observation", &[rows, o])?;
-        replay.terminals = reader.u8("terminal", &[rows])?;
-        replay.episode_ends = reader.u8("episode_end", &[rows])?;
 
         agent.policy = agent.learner.policy()?;
         Ok(Self { streams: state.streams, steps: state.steps, updates: state.updates, ..agent })
@@ -227,6 +221,47 @@ impl Policy {
 
 const CRITICS: [&str; 2] = ["critic_1", "critic_2"];
 const TARGETS: [&str; 2] = ["target_1", "target_2"];
+/// Before the columns of a part of the memory that is not the run's own.
+const SHOWN: &str = "demonstrations.";
+const DANGER: &str = "danger.";
+
+fn write_ring(writer: &mut Writer, prefix: &str, ring: &Replay) {
+    let (rows, o, a) = (ring.len(), ring.observation_dim, ring.action_dim);
+    let name = |column: &str| format!("{prefix}{column}");
+    writer.f32(&name("observation"), &[rows, o], &ring.observations);
+    writer.f32(&name("action"), &[rows, a], &ring.actions);
+    writer.f32(&name("executed"), &[rows, a], &ring.executed);
+    writer.f32(&name("reward"), &[rows], &ring.rewards);
+    writer.f32(&name("next_observation"), &[rows, o], &ring.next_observations);
+    writer.u8(&name("terminal"), &[rows], &ring.terminals);
+    writer.u8(&name("episode_end"), &[rows], &ring.episode_ends);
+}
+
+fn read_ring(
+    reader: &Reader,
+    prefix: &str,
+    next: usize,
+    ring: &mut Replay,
+) -> Result<(), SacError> {
+    let (capacity, o, a) = (ring.capacity, ring.observation_dim, ring.action_dim);
+    let name = |column: &str| format!("{prefix}{column}");
+    let rows = reader.rows(&name("reward"))?;
+    let expected_next = if rows < capacity { next == rows } else { next < capacity };
+    if rows > capacity || !expected_next {
+        let reason =
+            format!("{rows} transitions with the next at {next} do not fit a ring of {capacity}");
+        return Err(reader.malformed(&reason));
+    }
+    ring.next = next;
+    ring.observations = reader.f32(&name("observation"), &[rows, o])?;
+    ring.actions = reader.f32(&name("action"), &[rows, a])?;
+    ring.executed = reader.f32(&name("executed"), &[rows, a])?;
+    ring.rewards = reader.f32(&name("reward"), &[rows])?;
+    ring.next_observations = reader.f32(&name("next_observation"), &[rows, o])?;
+    ring.terminals = reader.u8(&name("terminal"), &[rows])?;
+    ring.episode_ends = reader.u8(&name("episode_end"), &[rows])?;
+    Ok(())
+}
 
 fn actor_header(policy: &Policy) -> ActorHeader {
     let layers = policy.shape().layers();

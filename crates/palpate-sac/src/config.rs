@@ -127,6 +127,21 @@ pub struct SacConfig {
     pub warmup_steps: u64,
     /// Transitions needed before the first update.
     pub start_training: usize,
+    /// Part of every batch that is drawn from demonstrations once there are any; 0.5 is Ball et al. 2023
+    /// (RLPD). Rows are rounded down. Files from before this key are read as 0.
+    #[serde(default)]
+    pub demonstration_share: f64,
+    /// Part of every batch that is drawn from the last steps before violations once there was one; 0: none are
+    /// kept apart. Files from before this key are read as 0.
+    #[serde(default)]
+    pub danger_share: f64,
+    /// How many steps before a violation are kept apart. Files from before this key are read as 10.
+    #[serde(default = "danger_steps")]
+    pub danger_steps: usize,
+}
+
+fn danger_steps() -> usize {
+    10
 }
 
 impl Default for SacConfig {
@@ -155,6 +170,9 @@ impl Default for SacConfig {
             replay_capacity: 1_000_000,
             warmup_steps: 0,
             start_training: 128,
+            demonstration_share: 0.0,
+            danger_share: 0.0,
+            danger_steps: danger_steps(),
         }
     }
 }
@@ -192,6 +210,7 @@ impl SacConfig {
             ("updates_per_step", self.updates_per_step),
             ("replay_capacity", self.replay_capacity),
             ("start_training", self.start_training),
+            ("danger_steps", self.danger_steps),
         ] {
             if value == 0 {
                 return refuse(key, "must be at least 1".into());
@@ -203,6 +222,19 @@ impl SacConfig {
                 "start_training",
                 format!("{start} transitions never fit into a replay_capacity of {capacity}"),
             );
+        }
+        let shares = [self.demonstration_share, self.danger_share];
+        for (key, share) in ["demonstration_share", "danger_share"].into_iter().zip(shares) {
+            if !(0.0..1.0).contains(&share) {
+                return refuse(key, format!("must be in [0, 1), got {share}"));
+            }
+        }
+        if shares.iter().sum::<f64>() >= 1.0 {
+            let [shown, danger] = shares;
+            let reason = format!(
+                "{danger} and a demonstration_share of {shown} leave nothing of a batch to the run's own steps"
+            );
+            return refuse("danger_share", reason);
         }
         if !(0.0..1.0).contains(&self.gamma) {
             return refuse("gamma", format!("must be in [0, 1), got {}", self.gamma));
@@ -294,6 +326,17 @@ mod tests {
     }
 
     #[test]
+    fn files_from_before_demonstrations_are_read_as_without() {
+        let text = toml::to_string(&SacConfig::default()).unwrap();
+        let old: Vec<&str> = text
+            .lines()
+            .filter(|line| !["demonstration_", "danger_"].iter().any(|new| line.starts_with(new)))
+            .collect();
+        assert_eq!(old.len(), text.lines().count() - 3);
+        assert_eq!(toml::from_str::<SacConfig>(&old.join("\n")).unwrap(), SacConfig::default());
+    }
+
+    #[test]
     fn bad_values_are_refused_by_name() {
         assert!(refused(|c| c.gamma = 1.0).contains("gamma"));
         assert!(refused(|c| c.gamma = f64::NAN).contains("gamma"));
@@ -309,6 +352,12 @@ mod tests {
         assert!(refused(|c| c.init_std = 10.0).contains("init_std"));
         assert!(refused(|c| c.log_std_max = f64::NAN).contains("log_std"));
         assert!(refused(|c| c.start_training = 2_000_000).contains("start_training"));
+        assert!(refused(|c| c.demonstration_share = f64::NAN).contains("demonstration_share"));
+        assert!(refused(|c| c.danger_share = 1.0).contains("danger_share"));
+        assert!(refused(|c| c.danger_share = -0.1).contains("danger_share"));
+        assert!(refused(|c| c.danger_steps = 0).contains("danger_steps"));
+        let both = refused(|c| (c.demonstration_share, c.danger_share) = (0.5, 0.5));
+        assert!(both.contains("leave nothing"), "{both}");
         assert!(
             refused(|c| c.target_entropy = TargetEntropy::Nats(f64::NAN))
                 .contains("target_entropy")

@@ -33,8 +33,8 @@
 //! - [`Sac`] acts, remembers, learns, saves; [`Policy`] is its actor alone, for the control loop.
 //! - `learner` is one update, top to bottom: critics, actor, temperature, targets.
 //! - `network` computes a network through `op` (fused: `mlp` over `kernel`) or plain candle.
-//! - `squash` is the tanh-Gaussian; `replay` the ring and its n-step returns; `checkpoint` the files
-//!   (through `tensors`).
+//! - `squash` is the tanh-Gaussian; `replay` the ring and its n-step returns; `memory` the shares of a batch:
+//!   own experience, demonstrations, danger; `checkpoint` the files (through `tensors`).
 //!
 //! # Conventions
 //!
@@ -57,6 +57,7 @@ mod golden;
 mod kernel;
 mod lanes;
 mod learner;
+mod memory;
 mod mlp;
 mod network;
 mod norm;

@@ -125,18 +125,30 @@ impl Replay {
     /// All that is stored, oldest first.
     pub(crate) fn transitions(&self) -> impl Iterator<Item = Transition<'_>> {
         let oldest = if self.len() < self.capacity { 0 } else { self.next };
-        (0..self.len()).map(move |i| {
-            let slot = (oldest + i) % self.capacity;
-            Transition {
-                observation: self.observation(slot),
-                action: self.action(slot),
-                executed: self.executed(slot),
-                reward: self.rewards[slot],
-                next_observation: self.next_observation(slot),
-                terminal: self.terminals[slot] == 1,
-                episode_end: self.episode_ends[slot] == 1,
-            }
-        })
+        (0..self.len()).map(move |i| self.transition((oldest + i) % self.capacity))
+    }
+
+    /// The newest steps, at most `n` and of one episode, oldest first.
+    pub(crate) fn tail(&self, n: usize) -> impl Iterator<Item = Transition<'_>> {
+        let back = |i: usize| (self.next + 2 * self.capacity - 1 - i) % self.capacity;
+        let most = n.min(self.len());
+        let mut count = most.min(1);
+        while count < most && self.episode_ends[back(count)] == 0 {
+            count += 1;
+        }
+        (0..count).rev().map(move |i| self.transition(back(i)))
+    }
+
+    fn transition(&self, slot: usize) -> Transition<'_> {
+        Transition {
+            observation: self.observation(slot),
+            action: self.action(slot),
+            executed: self.executed(slot),
+            reward: self.rewards[slot],
+            next_observation: self.next_observation(slot),
+            terminal: self.terminals[slot] == 1,
+            episode_end: self.episode_ends[slot] == 1,
+        }
     }
 
     pub(crate) fn observation(&self, slot: usize) -> &[f32] {
@@ -257,6 +269,19 @@ mod tests {
         assert_eq!(numbers(3), [0.0, 1.0, 2.0]);
         assert_eq!(numbers(4), [0.0, 1.0, 2.0, 3.0]);
         assert_eq!(numbers(6), [2.0, 3.0, 4.0, 5.0]);
+    }
+
+    #[test]
+    fn a_tail_stops_at_the_episode_before_and_goes_back_over_the_seam() {
+        let numbers = |replay: &Replay, n: usize| -> Vec<f32> {
+            replay.tail(n).map(|t| t.observation[0]).collect()
+        };
+        let mut ends = [End::No; 6];
+        ends[2] = End::Truncated;
+        assert_eq!(numbers(&replay(10, &ends), 9), [3.0, 4.0, 5.0]);
+        assert_eq!(numbers(&replay(10, &ends), 2), [4.0, 5.0]);
+        assert_eq!(numbers(&replay(4, &[End::No; 6]), 9), [2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(numbers(&replay(4, &[]), 9), [0.0; 0]);
     }
 
     #[test]

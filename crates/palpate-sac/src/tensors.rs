@@ -73,6 +73,11 @@ impl Reader {
         serde_json::from_str(text).map_err(|e| self.malformed(&e))
     }
 
+    /// Whether there is such a tensor.
+    pub(crate) fn has(&self, name: &str) -> Result<bool, SacError> {
+        Ok(self.tensors()?.tensor(name).is_ok())
+    }
+
     /// Length of a tensor along its first axis.
     pub(crate) fn rows(&self, name: &str) -> Result<usize, SacError> {
         let tensors = self.tensors()?;
@@ -123,7 +128,7 @@ impl Reader {
         SafeTensors::deserialize(&self.bytes).map_err(|e| self.malformed(&e))
     }
 
-    fn malformed(&self, reason: &dyn std::fmt::Display) -> SacError {
+    pub(crate) fn malformed(&self, reason: &dyn std::fmt::Display) -> SacError {
         SacError::checkpoint(&self.path, reason)
     }
 }

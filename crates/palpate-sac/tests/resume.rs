@@ -21,15 +21,44 @@ impl Run {
     }
 
     fn with_threads(seed: u64, threads: usize) -> Self {
+        Self::with(seed, SacConfig { threads, ..SacConfig::default() })
+    }
+
+    /// One that was shown 40 steps, and keeps what went before every second episode's end apart.
+    fn taught(seed: u64) -> Self {
+        let shares = SacConfig {
+            demonstration_share: 0.5,
+            danger_share: 0.2,
+            danger_steps: 4,
+            ..SacConfig::default()
+        };
+        let mut run = Self::with(seed, shares);
+        for number in 0..40u8 {
+            let seen = [f32::from(number) / 40.0, 0.0];
+            run.agent
+                .demonstrate(&Transition {
+                    observation: &seen,
+                    action: &[-1.0],
+                    executed: &[-1.0],
+                    reward: 1.0,
+                    next_observation: &seen,
+                    terminal: false,
+                    episode_end: number % 20 == 19,
+                })
+                .unwrap();
+        }
+        run
+    }
+
+    fn with(seed: u64, config: SacConfig) -> Self {
         let config = SacConfig {
-            threads,
             hidden: vec![24, 24],
             batch_size: 16,
             start_training: 20,
             // Small enough to wrap around within the test, in warm-up and after it.
             replay_capacity: 70,
             warmup_steps: 25,
-            ..SacConfig::default()
+            ..config
         };
         Self { agent: Sac::new(&config, 2, 1, seed).unwrap(), observation: [0.5, -0.5] }
     }
@@ -54,6 +83,9 @@ impl Run {
                     episode_end: end,
                 })
                 .unwrap();
+            if self.agent.steps() % 60 == 0 {
+                self.agent.remember_danger();
+            }
             self.observation = if end { [0.5, -0.5] } else { next_observation };
             bits.push(action[0].to_bits());
             if let Some(stats) = self.agent.update().unwrap() {
@@ -102,6 +134,42 @@ fn saving_and_loading_changes_nothing() {
         assert_eq!(straight.go(60), resumed.go(60), "saved after {at} steps");
         assert_eq!(bytes(&straight.agent), bytes(&resumed.agent), "saved after {at} steps");
     }
+}
+
+#[test]
+fn saving_and_loading_keeps_demonstrations_and_danger() {
+    // Before the first update, and before and after there is danger to draw.
+    for at in [0, 40, 100] {
+        let mut straight = Run::taught(3);
+        straight.go(at);
+        let folder = tempfile::tempdir().unwrap();
+        straight.agent.save(folder.path()).unwrap();
+        let agent = Sac::load(folder.path()).unwrap();
+        assert_eq!(agent.demonstrated(), 40);
+        let mut resumed = Run { agent, observation: straight.observation };
+        assert_eq!(straight.go(60), resumed.go(60), "saved after {at} steps");
+        assert_eq!(bytes(&straight.agent), bytes(&resumed.agent), "saved after {at} steps");
+    }
+}
+
+#[test]
+fn demonstrations_are_learned_from_and_are_no_steps_of_the_run() {
+    let (mut alone, mut taught) = (Run::new(3), Run::taught(3));
+    assert_eq!((taught.agent.steps(), taught.agent.replay_len()), (0, 0));
+    // Before the first update nothing differs.
+    assert_eq!(alone.go(19), taught.go(19));
+    assert_ne!(alone.go(10), taught.go(10));
+    let wrong = taught.agent.demonstrate(&Transition {
+        observation: &[0.0; 3],
+        action: &[0.0],
+        executed: &[0.0],
+        reward: 0.0,
+        next_observation: &[0.0; 2],
+        terminal: false,
+        episode_end: false,
+    });
+    assert!(wrong.unwrap_err().to_string().contains("observation has 3 values, expected 2"));
+    assert_eq!(taught.agent.demonstrated(), 40);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::Config;
+use crate::demonstrate::View;
 
 /// Anything that can be evaluated.
 #[derive(Debug)]
@@ -100,21 +101,23 @@ impl Actor {
 
     /// The action for what the environment shows now.
     pub fn act<R: Guarded>(&mut self, env: &Env<R>) -> &[f64] {
+        self.decide(&View::of(env))
+    }
+
+    /// The action for what is seen.
+    pub fn decide(&mut self, view: &View<'_>) -> &[f64] {
         match self {
             Self::Zero(action) => action,
             Self::Random(rng, _, action) => {
                 action.fill_with(|| rng.random_range(-1.0..=1.0));
                 action
             }
-            Self::Scripted(script) => {
-                let wrench = env.measurement().map(|m| m.wrench).unwrap_or_default();
-                script.act(&env.believed_error().unwrap_or_default(), &wrench)
-            }
+            Self::Scripted(script) => script.act(&view.error, &view.wrench),
             Self::Learned(learned) => {
                 let Learned { policy, sample, exploring, single, double, .. } = &mut **learned;
                 match sample.as_mut().filter(|_| *exploring) {
-                    None => policy.mean(env.observation(), single),
-                    Some(rng) => policy.sample(env.observation(), rng, single),
+                    None => policy.mean(view.observation, single),
+                    Some(rng) => policy.sample(view.observation, rng, single),
                 }
                 for (to, from) in double.iter_mut().zip(&*single) {
                     *to = f64::from(*from);

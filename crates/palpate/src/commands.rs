@@ -4,8 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use palpate::config::Choice;
+use palpate::demonstrate;
 use palpate::real::{Probe, probe, soak};
 use palpate::runs;
+
+use super::Settings;
 
 /// `rt-probe`.
 #[derive(Debug, Args)]
@@ -79,6 +82,50 @@ impl Soak {
 /// Counts what a closure takes from the heap on this thread.
 fn allocations(job: &mut dyn FnMut()) -> u64 {
     allocation_counter::measure(job).count_total
+}
+
+/// `demonstrate`.
+#[derive(Debug, Args)]
+pub(crate) struct Demonstrate {
+    #[command(flatten)]
+    settings: Settings,
+    /// Who shows it: `scripted` (align, descend, spiral on contact), or a run, whose kept policy acts in the run's own
+    /// task and settings.
+    #[arg(long, default_value = "scripted", value_name = "scripted|RUN")]
+    by: String,
+    /// Episodes to keep; ten times as many are tried.
+    #[arg(long, default_value_t = 10)]
+    episodes: u64,
+    /// Keep those that reach the goal and no others.
+    #[arg(long, default_value_t = true, action = clap::ArgAction::Set, value_name = "true|false")]
+    only_successes: bool,
+    /// Seed of the episodes' starts; none of them is one of a training's.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// File to create.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Write what the demonstrations suggest as a file for --config: force limits, workspace, gains, goal.
+    #[arg(long, value_name = "FILE")]
+    propose: Option<PathBuf>,
+}
+
+impl Demonstrate {
+    pub(crate) fn run(self) -> anyhow::Result<()> {
+        let mut choice = self.settings.choice();
+        let said = (choice.preset.as_str(), choice.task.as_str(), choice.model.as_str());
+        if self.by != "scripted" && said != ("palpate", "peg-insertion", "P-14") {
+            anyhow::bail!(
+                "a run's policy acts in the run's own preset, task and model: leave them out, and change keys with --set"
+            );
+        }
+        choice.set.extend(self.seed.map(|seed| format!("run.seed={seed}")));
+        let (episodes, only_successes) = (self.episodes, self.only_successes);
+        let options = demonstrate::Options { episodes, only_successes };
+        let (by, out, propose) = (self.by, self.out, self.propose);
+        let session = demonstrate::Session { choice, by, options, out, propose };
+        demonstrate::command(&session, &mut std::io::stdout())
+    }
 }
 
 /// `runs`.

@@ -49,6 +49,9 @@ const ARM_REACTION: &str = "0.055";
 /// Evaluations cost an arm's time: about 5 s an episode with the way back.
 const EVALUATED_ON_AN_ARM: [(&str, u64); 2] = [("evaluate_every", 2000), ("evaluate_episodes", 10)];
 
+/// Of every batch, where there are demonstrations: Ball et al. 2023.
+const SHARE: f64 = 0.5;
+
 /// What a UR's drives add to servoj's lookahead, s: 34 ms were measured at a lookahead of 30 ms
 /// (Universal_Robots_Client_Library, issue 86).
 pub(crate) const DRIVE_LAG: f64 = 0.004;
@@ -135,15 +138,20 @@ pub struct Choice {
 impl Config {
     /// Resolves a choice.
     pub fn load(choice: &Choice) -> anyhow::Result<Self> {
-        Self::resolve(choice, None)
+        Self::resolve(choice, None, false)
+    }
+
+    /// The same for a run that learns from demonstrations as well, on an arm if there is one.
+    pub(crate) fn load_shown(choice: &Choice, arm: Option<&UrConfig>) -> anyhow::Result<Self> {
+        Self::resolve(choice, arm, true)
     }
 
     /// Resolves a choice for an arm; its settings are the keys below `ur`.
     pub fn load_for(choice: &Choice, arm: &UrConfig) -> anyhow::Result<Self> {
-        Self::resolve(choice, Some(arm))
+        Self::resolve(choice, Some(arm), false)
     }
 
-    fn resolve(choice: &Choice, arm: Option<&UrConfig>) -> anyhow::Result<Self> {
+    fn resolve(choice: &Choice, arm: Option<&UrConfig>, shown: bool) -> anyhow::Result<Self> {
         let policy =
             format!("[policy]\n{}", nest(asset("policy model", MODELS, &choice.model)?, "policy"));
         let mut base = Layer {
@@ -170,6 +178,12 @@ impl Config {
             let keys = ON_AN_ARM.map(|(key, value)| format!("{key} = {value}\n"));
             layers.push(Layer { name: "the default on an arm".into(), text: keys.concat() });
         }
+        if shown {
+            layers.push(Layer {
+                name: "the default with demonstrations".into(),
+                text: format!("[sac]\ndemonstration_share = {SHARE}\n"),
+            });
+        }
         let file = choice.file.as_deref().map(file_layer).transpose()?;
         // A cell's file is for the simulation as well, which has no arm: its keys are checked and left out.
         let idle = arm.is_none() && file.as_ref().is_some_and(|file| names_an_arm(&file.text));
@@ -191,6 +205,11 @@ impl Config {
     /// Reads the resolved configuration of a run, changed by `set`.
     pub fn of_run(dir: &Path, set: &[String]) -> anyhow::Result<Self> {
         Self::reread(dir, None, None, set)
+    }
+
+    /// The same, with the keys of a file between the run's and `set`.
+    pub fn of_run_with(dir: &Path, file: Option<&Path>, set: &[String]) -> anyhow::Result<Self> {
+        Self::reread(dir, None, file, set)
     }
 
     /// The same for an arm. A run that was made on one keeps its settings, but not where it was. The keys of `file`

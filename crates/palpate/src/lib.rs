@@ -25,10 +25,11 @@
 //!
 //! Everything below meets here: the simulated arm, the fail-safe layer, the environment and the
 //! learner are built from one resolved [`Config`], trained by [`train`], measured by
-//! [`evaluate::run`] and drawn by [`plot::run`]. The `palpate` binary is a thin command line over these.
+//! [`evaluate::run`] and drawn by [`plot::run`]; [`demonstrate`] records what there is to learn from beside its own steps. The `palpate` binary is a thin command line over these.
 
 pub mod baselines;
 pub mod config;
+pub mod demonstrate;
 pub mod evaluate;
 mod flat;
 pub mod interrupt;

@@ -52,6 +52,8 @@ enum Command {
     /// Long tests of what stands between the trainer and an arm. Needs no arm.
     #[command(subcommand)]
     Soak(commands::Soak),
+    /// Record how a task is done in simulation, by a script or a trained policy, to learn from.
+    Demonstrate(commands::Demonstrate),
     /// Measure a trained policy on fresh episodes, beside three baselines on the same ones.
     ///
     /// Shows the last policy and the kept one (the best of the evaluations during training), and: a = 0 (the
@@ -115,6 +117,9 @@ struct Training {
     /// CPU is quicker for networks of this size.
     #[arg(long, default_value = "cpu", value_parser = ["cpu", "cuda"])]
     device: String,
+    /// Learn from this file of `demonstrate` as well: sac.demonstration_share of every batch, half by default.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume"])]
+    demonstrations: Option<PathBuf>,
     /// Run directory to create. Default: runs/DATE_TIME_TASK_MODEL_sSEED.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -136,7 +141,13 @@ impl TrainSim {
     fn run(&self) -> anyhow::Result<()> {
         let spent = match &self.resume {
             Some(dir) => train::resume(dir, self.training.steps)?,
-            None => train::start(&self.training.choice(), self.training.out.as_deref())?,
+            None => {
+                let (choice, out) = (self.training.choice(), self.training.out.as_deref());
+                match &self.training.demonstrations {
+                    Some(shown) => train::start_shown(&choice, shown, out)?,
+                    None => train::start(&choice, out)?,
+                }
+            }
         };
         if self.profile {
             write!(std::io::stdout(), "{spent}")?;
@@ -153,7 +164,7 @@ struct TrainReal {
     #[command(flatten)]
     training: Training,
     /// Start from the learner of this run, usually a simulated one, with its configuration, --config and --set over it.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model", "demonstrations"])]
     from: Option<PathBuf>,
     /// Continue a run of train-real from its last checkpoint; --steps may extend it.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "no_penalty", "device", "seed", "out", "from"])]
@@ -304,6 +315,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
             choice: args.training.choice(),
             from: args.from,
             resume: args.resume,
+            demonstrations: args.training.demonstrations,
             out: args.training.out,
             dry_run: args.dry_run,
             yes: args.yes,
@@ -334,6 +346,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         ),
         Command::RtProbe(args) => args.run(),
         Command::Soak(what) => what.run(),
+        Command::Demonstrate(args) => args.run(),
         Command::Evaluate(args) => evaluate::command(
             &args.run,
             &evaluate::Options {

@@ -25,6 +25,8 @@ pub enum Purpose {
     Evaluate,
     /// The exploration of a policy that acts on an arm in real time.
     Explore,
+    /// Episodes of `demonstrate`.
+    Demonstrate,
 }
 
 /// Builds the simulated environment.

@@ -102,7 +102,7 @@ fn rig() -> Rig {
     let control = Control::start(build, actor, exchange.clone(), 10, Pilot::serve).unwrap();
     assert!(matches!(control.news.recv().unwrap(), News::Ready));
     let folder = tempfile::tempdir().unwrap();
-    let dir = create(&config, Some(&folder.path().join("run"))).unwrap();
+    let dir = create(&config, None, Some(&folder.path().join("run"))).unwrap();
     let pupil = Pupil::new(config, dir, agent, Progress::default(), "train-real").unwrap();
     let realtime = Realtime { fifo: Err(String::new()), locked: Err(String::new()) };
     let farewell = channel().1;

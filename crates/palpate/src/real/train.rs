@@ -12,11 +12,12 @@ use super::world::RealTime;
 use super::{Address, connect, journal, permitted};
 use crate::baselines::Actor;
 use crate::config::{Choice, Config};
+use crate::demonstrate::file::Demonstrations;
 use crate::progress::Progress;
 use crate::record::{self, OnArm, Recorder};
 use crate::stack::{Purpose, sim_env, stream};
 use crate::train::pupil::Pupil;
-use crate::train::{create, last_checkpoint, run};
+use crate::train::{create, fresh, last_checkpoint, run};
 
 /// What to train, where, and from what.
 #[derive(Clone, Debug)]
@@ -29,6 +30,8 @@ pub struct TrainReal {
     pub from: Option<PathBuf>,
     /// A run on an arm to continue.
     pub resume: Option<PathBuf>,
+    /// A new run's demonstrations.
+    pub demonstrations: Option<PathBuf>,
     /// Run directory to create.
     pub out: Option<PathBuf>,
     /// Look, and move nothing.
@@ -45,15 +48,19 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
         (Some(run), _) | (None, Some(run)) => {
             Config::of_run_for(run, &arm, what.choice.file.as_deref(), set)?
         }
+        (None, None) if what.demonstrations.is_some() => {
+            Config::load_shown(&what.choice, Some(&arm))?
+        }
         (None, None) => Config::load_for(&what.choice, &arm)?,
     };
+    let shown = what.demonstrations.as_deref().map(Demonstrations::read).transpose()?;
     if config.sac.warmup_steps > 0 {
         bail!(
             "sac.warmup_steps is {}, but no arm is driven at random: set it to 0",
             config.sac.warmup_steps
         );
     }
-    let (agent, progress, dir) = learner(what, &config)?;
+    let (agent, progress, dir) = learner(what, &config, shown.as_ref())?;
     if !permitted(&config, what.yes, what.dry_run)? {
         return Ok(());
     }
@@ -66,7 +73,7 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
     // Not before there is an arm, or a folder without a run would stay.
     let dir = match dir {
         Some(dir) => dir,
-        None => create(&config, what.out.as_deref())?,
+        None => create(&config, shown.as_ref(), what.out.as_deref())?,
     };
     let (path, steps) = (dir.path().to_owned(), config.env.max_steps);
     if config.record.collisions > 0 || config.record.evaluations > 0 {
@@ -88,7 +95,11 @@ pub fn train_real(what: &TrainReal) -> anyhow::Result<()> {
 }
 
 /// The learner, how far it is, and its run directory if there is one already.
-fn learner(what: &TrainReal, config: &Config) -> anyhow::Result<(Sac, Progress, Option<RunDir>)> {
+fn learner(
+    what: &TrainReal,
+    config: &Config,
+    shown: Option<&Demonstrations>,
+) -> anyhow::Result<(Sac, Progress, Option<RunDir>)> {
     if let Some(run) = &what.resume {
         let dir = RunDir::open(run)?;
         let (agent, progress) = last_checkpoint(&dir, config)?.with_context(|| {
@@ -99,8 +110,7 @@ fn learner(what: &TrainReal, config: &Config) -> anyhow::Result<(Sac, Progress, 
     // The same observations and actions as on the arm, without one.
     let env = sim_env(config, config.run.seed, Purpose::Train)?;
     let Some(run) = &what.from else {
-        let (observation, action) = (env.observation_dim(), env.action_dim());
-        let agent = Sac::new(&config.sac, observation, action, config.run.seed)?;
+        let agent = fresh(config, shown, (env.observation_dim(), env.action_dim()))?;
         return Ok((agent, Progress::default(), None));
     };
     let checkpoint = CheckpointStore::open(run)?

@@ -9,7 +9,7 @@
 pub(crate) mod book;
 mod disk;
 pub(crate) mod lesson;
-mod past;
+pub(crate) mod past;
 mod profile;
 pub(crate) mod pupil;
 mod tables;
@@ -21,12 +21,13 @@ use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use palpate_env::Env;
-use palpate_runs::RunDir;
+use palpate_runs::{DEMONSTRATIONS, RunDir};
 use palpate_sac::Sac;
 use palpate_safety::Safe;
 use palpate_sim::SimArm;
 
 use crate::config::{Choice, Config};
+use crate::demonstrate::file::Demonstrations;
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::stack::{self, Purpose};
@@ -37,11 +38,27 @@ use world::{Lockstep, World};
 
 /// Starts a new run in simulation.
 pub fn start(choice: &Choice, out: Option<&Path>) -> anyhow::Result<TimeSpent> {
-    let config = Config::load(choice)?;
-    let dir = create(&config, out)?;
+    begin(Config::load(choice)?, None, out)
+}
+
+/// The same, with demonstrations from a file to learn from as well.
+pub fn start_shown(
+    choice: &Choice,
+    demonstrations: &Path,
+    out: Option<&Path>,
+) -> anyhow::Result<TimeSpent> {
+    let shown = Demonstrations::read(demonstrations)?;
+    begin(Config::load_shown(choice, None)?, Some(&shown), out)
+}
+
+fn begin(
+    config: Config,
+    shown: Option<&Demonstrations>,
+    out: Option<&Path>,
+) -> anyhow::Result<TimeSpent> {
     let world = simulation(&config, 0)?;
-    let (observation, action) = world.dims();
-    let agent = Sac::new(&config.sac, observation, action, config.run.seed)?;
+    let agent = fresh(&config, shown, world.dims())?;
+    let dir = create(&config, shown, out)?;
     let world = world.recorded(&config, dir.path())?;
     run(world, Pupil::new(config, dir, agent, Progress::default(), "train-sim")?)
 }
@@ -70,19 +87,59 @@ pub(crate) fn go_on(path: &Path, set: &[String]) -> anyhow::Result<TimeSpent> {
         None => (None, Progress::default()),
     };
     let world = simulation(&config, progress.episodes)?;
-    let (observation, action) = world.dims();
     let agent = match agent {
         Some(agent) => agent,
-        None => Sac::new(&config.sac, observation, action, config.run.seed)?,
+        None => fresh(&config, shown_to(path)?.as_ref(), world.dims())?,
     };
     let world = world.recorded(&config, dir.path())?;
     run(world, Pupil::new(config, dir, agent, progress, "train-sim")?)
 }
 
-/// The run directory of a new run.
-pub(crate) fn create(config: &Config, out: Option<&Path>) -> anyhow::Result<RunDir> {
+/// The run directory of a new run, with what it was shown.
+pub(crate) fn create(
+    config: &Config,
+    shown: Option<&Demonstrations>,
+    out: Option<&Path>,
+) -> anyhow::Result<RunDir> {
     let name = format!("{}_{}_s{}", config.task.name, config.policy.name, config.run.seed);
-    Ok(RunDir::create(out, &name, &config.to_toml()?)?)
+    let dir = RunDir::create(out, &name, &config.to_toml()?)?;
+    if let Some(shown) = shown {
+        shown.keep(dir.path())?;
+    }
+    Ok(dir)
+}
+
+/// What a run was shown before it began.
+fn shown_to(run: &Path) -> anyhow::Result<Option<Demonstrations>> {
+    let path = run.join(DEMONSTRATIONS);
+    path.exists().then(|| Demonstrations::read(&path)).transpose()
+}
+
+/// A learner at its beginning, with observations and actions of these lengths.
+///
+/// # Errors
+/// If the demonstrations do not fit, or if a share of every batch is to be drawn from them and there are none.
+pub(crate) fn fresh(
+    config: &Config,
+    shown: Option<&Demonstrations>,
+    dims: (usize, usize),
+) -> anyhow::Result<Sac> {
+    let mut agent = Sac::new(&config.sac, dims.0, dims.1, config.run.seed)?;
+    let share = config.sac.demonstration_share;
+    match shown {
+        Some(_) if share == 0.0 => {
+            bail!("sac.demonstration_share is 0: nothing would be learned from the demonstrations")
+        }
+        Some(shown) => {
+            shown.fit(config, dims)?;
+            shown.teach(&mut agent)?;
+        }
+        None if share > 0.0 => bail!(
+            "sac.demonstration_share is {share}, but there are no demonstrations: give --demonstrations FILE, or set it to 0"
+        ),
+        None => {}
+    }
+    Ok(agent)
 }
 
 /// What a run knew when its last whole checkpoint was written; `None` if none was.

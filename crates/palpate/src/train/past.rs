@@ -1,6 +1,6 @@
 //! A run is continued under the settings it was made with.
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use toml::{Table, Value};
 
 use crate::Config;
@@ -16,10 +16,10 @@ fn may_differ(key: &str) -> bool {
 /// # Errors
 /// Naming every setting that would change the past.
 pub(super) fn unchanged(checkpoint: &str, now: &Config) -> anyhow::Result<()> {
-    let then: Table = toml::from_str(checkpoint)?;
-    let now: Table = toml::from_str(&now.to_toml()?)?;
-    let mut changes = Vec::new();
-    compare("", &Value::Table(then), &Value::Table(now), &mut changes);
+    // Through the configuration: keys that are younger than the checkpoint stand at what it was made with.
+    let then: Config = toml::from_str(checkpoint)
+        .context("the configuration in its checkpoint is not of this version")?;
+    let mut changes = differences(&then, now)?;
     changes.retain(|(key, _)| !may_differ(key));
     if changes.is_empty() {
         return Ok(());
@@ -29,6 +29,16 @@ pub(super) fn unchanged(checkpoint: &str, now: &Config) -> anyhow::Result<()> {
         "its checkpoint was made with other settings:\n  {}\nPut them back, or begin a new run with them",
         changes.join("\n  ")
     );
+}
+
+/// Every key whose value is not the same, with what it was and is.
+pub(crate) fn differences(then: &Config, now: &Config) -> anyhow::Result<Vec<(String, String)>> {
+    let table = |config: &Config| -> anyhow::Result<Value> {
+        Ok(Value::Table(toml::from_str::<Table>(&config.to_toml()?)?))
+    };
+    let mut changes = Vec::new();
+    compare("", &table(then)?, &table(now)?, &mut changes);
+    Ok(changes)
 }
 
 fn compare(key: &str, then: &Value, now: &Value, changes: &mut Vec<(String, String)>) {
@@ -73,5 +83,15 @@ mod tests {
         assert!(said.contains("run.seed was 1 and is 9"), "{said}");
         assert!(!said.contains("run.steps"), "{said}");
         assert_eq!(said.lines().count(), 4, "{said}");
+    }
+
+    #[test]
+    fn a_checkpoint_from_before_a_key_stands_at_the_keys_default() {
+        let now = config(&[]).to_toml().unwrap();
+        let then: Vec<&str> = now.lines().filter(|line| !line.starts_with("danger_")).collect();
+        assert_eq!(then.len() + 2, now.lines().count());
+        unchanged(&then.join("\n"), &config(&[])).unwrap();
+        let said = unchanged(&then.join("\n"), &config(&["sac.danger_share=0.1"])).unwrap_err();
+        assert!(said.to_string().contains("sac.danger_share was 0.0 and is 0.1"), "{said}");
     }
 }

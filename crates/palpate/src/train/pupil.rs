@@ -68,6 +68,12 @@ impl Pupil {
     /// Says where it writes and what is unwise.
     pub(crate) fn begin(&mut self) {
         self.console.note(&format!("run directory: {}", self.dir.path().display()));
+        let shown = self.agent.demonstrated();
+        if shown > 0 {
+            let percent = 100.0 * self.config.sac.demonstration_share;
+            self.console
+                .note(&format!("{shown} demonstrated steps make {percent:.0} % of every batch"));
+        }
         for warning in self.config.warnings() {
             self.console.note(&format!("warning: {warning}"));
         }
@@ -90,6 +96,9 @@ impl Pupil {
             terminal: lesson.terminal,
             episode_end: lesson.episode_end,
         })?;
+        if lesson.summary.as_ref().is_some_and(|s| s.outcome == Outcome::Collision) {
+            self.agent.remember_danger();
+        }
         self.progress.step += 1;
         self.taken += 1;
         if let Some(stats) = self.agent.update()? {
