@@ -382,8 +382,7 @@ policy = ["zero", "scripted"]
             assert_eq!(study.name, *name);
             assert!(!study.plan().unwrap().is_empty());
         }
-        let paper =
-            Study::parse(&text(Path::new("paper")).unwrap()).unwrap().plan().unwrap();
+        let paper = Study::parse(&text(Path::new("paper")).unwrap()).unwrap().plan().unwrap();
         let peg = paper.iter().filter(|run| run.block == "peg").count();
         assert!(peg >= 8 * 2 * 5, "{peg}");
     }
