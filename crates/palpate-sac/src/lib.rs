@@ -34,7 +34,7 @@
 //! - `learner` is one update, top to bottom: critics, actor, temperature, targets.
 //! - `network` computes a network through `op` (fused: `mlp` over `kernel`) or plain candle.
 //! - `squash` is the tanh-Gaussian; `replay` the ring and its n-step returns; `memory` the shares of a batch:
-//!   own experience, demonstrations, danger; `checkpoint` the files (through `tensors`).
+//!   own experience, demonstrations, danger; `diagnosis` says how the learner is; `checkpoint` the files (through `tensors`).
 //!
 //! # Conventions
 //!
@@ -51,6 +51,7 @@
 mod agent;
 mod checkpoint;
 mod config;
+mod diagnosis;
 mod error;
 #[cfg(test)]
 mod golden;
@@ -76,6 +77,7 @@ mod work;
 
 pub use agent::{Mode, Sac};
 pub use config::{LearnFrom, Ops, SacConfig, TargetEntropy};
+pub use diagnosis::Diagnosis;
 pub use error::SacError;
 pub use learner::UpdateStats;
 pub use policy::Policy;

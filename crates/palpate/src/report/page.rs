@@ -335,5 +335,9 @@ fn learner(runs: &[Run], groups: &[Group]) -> String {
         (draw("train/critic_loss", "Critic loss", "scaled reward²"), ""),
         (draw("train/entropy", "Entropy of the policy", "nats"), ""),
         (draw("train/ent_coef", "Entropy's weight α", ""), ""),
+        (draw("train/dormant_critic", "Dormant units of the critics", "part of all"), ""),
+        (draw("train/dormant_actor", "Dormant units of the actor", "part of all"), ""),
+        (draw("train/action_saturation", "Mean actions beyond ±0.95", "part of all"), ""),
+        (draw("train/critic_weight_norm", "Weights of the critics", "norm"), ""),
     ])
 }

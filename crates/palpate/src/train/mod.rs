@@ -6,6 +6,7 @@
 //! Checkpoints are taken between episodes, where a simulated world is rebuilt from the seed and the episode's
 //! number, so a simulated run that is resumed continues exactly as if it had never stopped.
 
+mod alarm;
 pub(crate) mod book;
 mod disk;
 pub(crate) mod lesson;

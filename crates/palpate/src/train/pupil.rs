@@ -3,9 +3,10 @@
 use anyhow::Result;
 use palpate_env::{Outcome, Summary};
 use palpate_runs::{CheckpointStore, Console, Metrics, RunDir, Slot, Table};
-use palpate_sac::{Sac, Transition, UpdateStats};
+use palpate_sac::{Diagnosis, Sac, Transition, UpdateStats};
 use palpate_safety::Entry;
 
+use super::alarm::Alarms;
 use super::book::Book;
 use super::disk::insist;
 use super::lesson::Lesson;
@@ -36,6 +37,7 @@ pub(crate) struct Pupil {
     taken: u64,
     /// Latest statistics of the learner, for the next row.
     stats: Option<UpdateStats>,
+    alarms: Alarms,
     /// Where the time goes.
     pub(crate) profile: Profile,
 }
@@ -61,6 +63,7 @@ impl Pupil {
             command,
             taken: 0,
             stats: None,
+            alarms: Alarms::default(),
             profile: Profile::default(),
         })
     }
@@ -125,6 +128,12 @@ impl Pupil {
 
     /// Takes in an evaluation; keeps the best policy.
     pub(crate) fn evaluated(&mut self, evaluation: Evaluation) -> Result<()> {
+        let (sac, pays) = (&self.config.sac, self.config.reward.success);
+        let (best, diagnosis) = (self.progress.best.as_ref(), self.agent.diagnose()?);
+        let warnings = self.alarms.new_ones(sac, pays, best, &evaluation, diagnosis.as_ref());
+        for warning in warnings {
+            self.console.note(&format!("warning: {warning}"));
+        }
         self.progress.evaluated = Some(evaluation);
         self.progress.pending = Some(evaluation);
         if self.progress.best.is_none_or(|best| evaluation.beats(&best)) {
@@ -252,6 +261,8 @@ impl Pupil {
         let s = self.stats.as_ref();
         let train = |f: fn(&UpdateStats) -> f32| s.map(f).map(f64::from);
         let eval = |f: fn(&Evaluation) -> f64| e.as_ref().map(f);
+        let diagnosis = if s.is_some() { self.agent.diagnose()? } else { None };
+        let state = |f: fn(&Diagnosis) -> f32| diagnosis.as_ref().map(f).map(f64::from);
         let (metrics, step) = (&mut self.metrics, p.step);
         let row = [
             Some(p.step as f64),
@@ -271,6 +282,14 @@ impl Pupil {
             train(|s| s.alpha),
             train(|s| s.entropy),
             train(|s| s.q_mean),
+            train(|s| s.critic_gradient_norm),
+            train(|s| s.actor_gradient_norm),
+            state(|d| d.critic_weights),
+            state(|d| d.actor_weights),
+            state(|d| d.dormant_critic),
+            state(|d| d.dormant_actor),
+            state(|d| d.saturation),
+            state(|d| d.replay_age),
             eval(|e| e.success_rate),
             eval(|e| e.mean_return),
             eval(|e| e.mean_steps),
