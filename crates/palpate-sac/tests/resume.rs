@@ -21,7 +21,7 @@ impl Run {
     }
 
     fn with_threads(seed: u64, threads: usize) -> Self {
-        Self::with(seed, SacConfig { threads, ..SacConfig::default() })
+        Self::with(seed, &SacConfig { threads, ..SacConfig::default() })
     }
 
     /// One that was shown 40 steps, and keeps what went before every second episode's end apart.
@@ -32,7 +32,7 @@ impl Run {
             danger_steps: 4,
             ..SacConfig::default()
         };
-        let mut run = Self::with(seed, shares);
+        let mut run = Self::with(seed, &shares);
         for number in 0..40u8 {
             let seen = [f32::from(number) / 40.0, 0.0];
             run.agent
@@ -50,7 +50,7 @@ impl Run {
         run
     }
 
-    fn with(seed: u64, config: SacConfig) -> Self {
+    fn with(seed: u64, config: &SacConfig) -> Self {
         let config = SacConfig {
             hidden: vec![24, 24],
             batch_size: 16,
@@ -58,7 +58,7 @@ impl Run {
             // Small enough to wrap around within the test, in warm-up and after it.
             replay_capacity: 70,
             warmup_steps: 25,
-            ..config
+            ..config.clone()
         };
         Self { agent: Sac::new(&config, 2, 1, seed).unwrap(), observation: [0.5, -0.5] }
     }
@@ -83,7 +83,7 @@ impl Run {
                     episode_end: end,
                 })
                 .unwrap();
-            if self.agent.steps() % 60 == 0 {
+            if self.agent.steps().is_multiple_of(60) {
                 self.agent.remember_danger();
             }
             self.observation = if end { [0.5, -0.5] } else { next_observation };

@@ -136,15 +136,12 @@ struct TrainSim {
 
 impl TrainSim {
     fn run(&self) -> anyhow::Result<()> {
-        let spent = match &self.resume {
-            Some(dir) => train::resume(dir, self.training.steps)?,
-            None => {
-                let (choice, out) = (self.training.choice(), self.training.out.as_deref());
-                match &self.training.demonstrations {
-                    Some(shown) => train::start_shown(&choice, shown, out)?,
-                    None => train::start(&choice, out)?,
-                }
-            }
+        let Training { demonstrations, out, steps, .. } = &self.training;
+        let (choice, out) = (self.training.choice(), out.as_deref());
+        let spent = match (&self.resume, demonstrations) {
+            (Some(dir), _) => train::resume(dir, *steps)?,
+            (None, Some(shown)) => train::start_shown(&choice, shown, out)?,
+            (None, None) => train::start(&choice, out)?,
         };
         if self.profile {
             write!(std::io::stdout(), "{spent}")?;
