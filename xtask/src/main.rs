@@ -32,6 +32,7 @@ Robot learning (builds the release binary if needed, then runs `palpate COMMAND 
   evaluate RUN     measure a trained policy beside three baselines
   plot RUN…        draw learning curves
   report RUN…      the story of one or more runs on one page of HTML; --live while they train
+  study WHAT       many runs from one file: plan, run, status, report, submit to Slurm
   view RUN         list a run's recordings and open them in Rerun or Foxglove
   ledger RUN       what the fail-safe layer refused, slowed and stopped, by cause
   runs WHAT        look after runs: list, verify, repair, copy, export

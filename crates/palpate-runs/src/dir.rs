@@ -109,8 +109,13 @@ impl RunDir {
 
     /// Writes summary.json, whole or not at all.
     pub fn write_summary(&self, summary: &serde_json::Value) -> Result<(), RunError> {
-        let path = self.path.join("summary.json");
-        let text = serde_json::to_string_pretty(summary)
+        self.write_json("summary.json", summary)
+    }
+
+    /// Writes a file of the run, whole or not at all.
+    pub fn write_json(&self, name: &str, value: &serde_json::Value) -> Result<(), RunError> {
+        let path = self.path.join(name);
+        let text = serde_json::to_string_pretty(value)
             .map_err(|source| RunError::Json { path: path.clone(), source })?;
         durable::write(&path, format!("{text}\n").as_bytes())
     }

@@ -7,8 +7,8 @@ use std::path::Path;
 use crate::RunError;
 use crate::error::At as _;
 
-/// Writes a file in one step: readers see the old bytes or the new ones.
-pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+/// Writes a file in one step: readers see the old bytes or the new ones, also after a power cut.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     let temporary = path.with_added_extension("tmp");
     create(&temporary, bytes)?;
     fs::rename(&temporary, path).at("replace", path)?;

@@ -59,6 +59,7 @@ pub use checkpoint::{BEST, CheckpointStore, Entry, LAST, Slot};
 pub use console::Console;
 pub use copy::copy;
 pub use dir::{RunDir, list};
+pub use durable::write as write_whole;
 pub use error::{Rejected, RunError};
 pub use inspect::{DEMONSTRATIONS, Health, JOURNAL, Part, inspect, repair};
 pub use journal::{Journal, Records};

@@ -3,7 +3,7 @@
 //! Drawn by kuva, which only this file knows.
 
 use kuva::backend::svg::SvgBackend;
-use kuva::plot::annotations::ReferenceLine;
+use kuva::plot::annotations::{ReferenceLine, ShadedRegion};
 use kuva::plot::band::BandPlot;
 use kuva::plot::scatter::ScatterPlot;
 use kuva::plot::{LegendPosition, LinePlot};
@@ -11,7 +11,7 @@ use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
 
-use crate::stats::ema;
+use crate::stats::{bootstrap, ema, iqm};
 
 /// Runs that are drawn as one line.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,6 +30,19 @@ pub enum Spread {
     MinMax,
     /// One standard deviation (of the sample) to each side.
     StandardDeviation,
+    /// The line is the interquartile mean, the band its bootstrap interval, 95 % (Agarwal et al. 2021).
+    Iqm,
+}
+
+/// A stretch of the x axis behind the curves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shade {
+    /// Where it begins.
+    pub from: f64,
+    /// Where it ends.
+    pub to: f64,
+    /// As #rrggbb.
+    pub colour: String,
 }
 
 /// A diagram.
@@ -47,12 +60,16 @@ pub struct Panel {
     pub reference: Option<(f64, String)>,
     /// What the band shows.
     pub spread: Spread,
+    /// Stretches that are shaded.
+    pub shades: Vec<Shade>,
     /// Weight of an exponential moving average over every run; 0 for none.
     pub ema: f64,
 }
 
 /// A colour-blind safe palette (Okabe and Ito 2008), without black and yellow.
 const COLOURS: &[&str] = &["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
+/// Of a bootstrap at every x.
+const RESAMPLES: usize = 1000;
 const REFERENCE: &str = "#777777";
 
 /// Draws curves into a panel; `None` if no curve has a point.
@@ -115,6 +132,11 @@ fn render(panel: &Panel, plots: Vec<Plot>) -> String {
         let line = ReferenceLine::horizontal(*y).with_color(REFERENCE).with_label(label.clone());
         layout = layout.with_reference_line(line);
     }
+    for shade in &panel.shades {
+        let region = ShadedRegion::vertical(shade.from, shade.to);
+        let region = region.with_color(shade.colour.clone()).with_opacity(0.16);
+        layout = layout.with_shaded_region(region);
+    }
     SvgBackend::new().render_scene(&render_multiple(plots, layout))
 }
 
@@ -144,7 +166,12 @@ fn summarise(runs: &[Vec<(f64, f64)>], spread: Spread, weight: f64) -> Vec<Summa
             let ys: Vec<f64> = runs.iter().map(|run| interpolate(run, x)).collect();
             let n = ys.len() as f64;
             let mean = ys.iter().sum::<f64>() / n;
+            let mut middle = mean;
             let (low, high) = match spread {
+                Spread::Iqm => {
+                    middle = iqm(&ys).unwrap_or(mean);
+                    bootstrap(&ys, iqm, RESAMPLES, 0.95, 1).unwrap_or((middle, middle))
+                }
                 Spread::MinMax => (
                     ys.iter().copied().fold(f64::INFINITY, f64::min),
                     ys.iter().copied().fold(f64::NEG_INFINITY, f64::max),
@@ -155,7 +182,7 @@ fn summarise(runs: &[Vec<(f64, f64)>], spread: Spread, weight: f64) -> Vec<Summa
                     (mean - deviation, mean + deviation)
                 }
             };
-            Summary { x, mean, low, high }
+            Summary { x, mean: middle, low, high }
         })
         .collect()
 }
@@ -193,6 +220,15 @@ mod tests {
     }
 
     #[test]
+    fn an_interquartile_mean_ignores_the_outer_runs() {
+        let run = |y: f64| vec![(0.0, y), (1.0, y)];
+        let runs = [0.0, 2.0, 3.0, 1e6].map(run).to_vec();
+        let found = summarise(&runs, Spread::Iqm, 0.0)[0];
+        assert_eq!(found.mean, 2.5);
+        assert!(found.low < 2.5 && found.high > 3.0, "{found:?}");
+    }
+
+    #[test]
     fn a_curve_ends_where_its_shortest_run_ends() {
         let mut runs = seeds();
         runs.push(vec![(5.0, 0.0), (15.0, 0.0)]);
@@ -214,13 +250,21 @@ mod tests {
             y_label: "return".into(),
             y_range: Some((-1.0, 5.0)),
             reference: Some((4.5, "optimum".into())),
+            shades: vec![Shade { from: 5.0, to: 8.0, colour: "#123456".into() }],
             ..Panel::default()
         };
         let curve = Curve { label: "P-14".into(), runs: seeds() };
         let svg = draw(&panel, &[curve]).unwrap();
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
-        for text in ["Return &amp; more", "steps", "return", "optimum", "P-14 (2 runs)", COLOURS[0]]
-        {
+        for text in [
+            "Return &amp; more",
+            "steps",
+            "return",
+            "optimum",
+            "P-14 (2 runs)",
+            COLOURS[0],
+            "#123456",
+        ] {
             assert!(svg.contains(text), "{text}");
         }
     }

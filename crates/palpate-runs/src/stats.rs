@@ -90,18 +90,61 @@ pub fn bootstrap(
     seed: u64,
 ) -> Option<(f64, f64)> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let n = values.len() as u128;
     let mut sample = values.to_vec();
     let mut found = Vec::with_capacity(resamples);
     for _ in 0..resamples {
-        for slot in &mut sample {
-            *slot = values[((u128::from(rng.next_u64()) * n) >> 64) as usize];
-        }
+        resample(&mut rng, values, &mut sample);
         found.push(statistic(&sample)?);
     }
     found.sort_by(f64::total_cmp);
     let tail = 0.5 * (1.0 - confidence);
     Some((quantile(&found, tail)?, quantile(&found, 1.0 - tail)?))
+}
+
+/// The probability that a draw of `x` is greater than one of `y`, ties counted half (Mann and Whitney 1947), and its
+/// interval by the percentile bootstrap over both; `None` if either is empty. The same seed gives the same interval.
+pub fn probability_of_improvement(
+    x: &[f64],
+    y: &[f64],
+    resamples: usize,
+    confidence: f64,
+    seed: u64,
+) -> Option<(f64, (f64, f64))> {
+    let greater = |x: &[f64], y: &[f64]| {
+        let against = |a: &f64| y.iter().map(|b| score(*a, *b)).sum::<f64>();
+        x.iter().map(against).sum::<f64>() / (x.len() * y.len()) as f64
+    };
+    let tail = 0.5 * (1.0 - confidence);
+    if x.is_empty() || y.is_empty() || !tail.is_finite() {
+        return None;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (mut a, mut b) = (x.to_vec(), y.to_vec());
+    let mut found = Vec::with_capacity(resamples);
+    for _ in 0..resamples {
+        resample(&mut rng, x, &mut a);
+        resample(&mut rng, y, &mut b);
+        found.push(greater(&a, &b));
+    }
+    found.sort_by(f64::total_cmp);
+    Some((greater(x, y), (quantile(&found, tail)?, quantile(&found, 1.0 - tail)?)))
+}
+
+/// 1 where a is greater, ½ at a tie.
+fn score(a: f64, b: f64) -> f64 {
+    match a.partial_cmp(&b) {
+        Some(std::cmp::Ordering::Greater) => 1.0,
+        Some(std::cmp::Ordering::Equal) => 0.5,
+        _ => 0.0,
+    }
+}
+
+/// Draws as many of `values` as fit, with replacement.
+fn resample(rng: &mut ChaCha8Rng, values: &[f64], sample: &mut [f64]) {
+    let n = values.len() as u128;
+    for slot in sample {
+        *slot = values[((u128::from(rng.next_u64()) * n) >> 64) as usize];
+    }
 }
 
 /// Of sorted values, interpolated between neighbours.
@@ -165,6 +208,23 @@ mod tests {
         assert_ne!(bootstrap(&values, mean, 100, 0.9, 7), bootstrap(&values, mean, 100, 0.9, 8));
         assert_eq!(bootstrap(&[3.0; 4], iqm, 10, 0.9, 1), Some((3.0, 3.0)));
         assert_eq!(bootstrap(&[], mean, 10, 0.9, 1), None);
+    }
+
+    /// Expected: `scipy.stats.mannwhitneyu(x, y).statistic / (len(x) * len(y))`, counted by hand as well: of 12 pairs
+    /// 7 are greater and 2 equal.
+    #[test]
+    fn the_probability_of_improvement_counts_pairs() {
+        let (x, y) = ([3.0, 1.0, 5.0, 4.0], [1.0, 2.0, 4.0]);
+        let (p, (low, high)) = probability_of_improvement(&x, &y, 2_000, 0.95, 1).unwrap();
+        assert_eq!(p, 8.0 / 12.0);
+        assert!(low < p && p < high && low >= 0.0 && high <= 1.0, "{low} {high}");
+        let same = probability_of_improvement(&[1.0; 5], &[1.0; 5], 100, 0.95, 1);
+        assert_eq!(same, Some((0.5, (0.5, 0.5))));
+        assert_eq!(
+            probability_of_improvement(&[2.0], &[1.0], 100, 0.95, 1),
+            Some((1.0, (1.0, 1.0)))
+        );
+        assert_eq!(probability_of_improvement(&[], &y, 100, 0.95, 1), None);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use palpate::demonstrate;
 use palpate::real::{Probe, probe, soak};
 use palpate::runs;
 
-use super::Settings;
+use super::training::Settings;
 
 /// `rt-probe`.
 #[derive(Debug, Args)]

@@ -31,6 +31,7 @@ pub mod baselines;
 pub mod config;
 pub mod demonstrate;
 pub mod evaluate;
+mod flat;
 pub mod interrupt;
 pub mod ledger;
 pub mod plot;
@@ -40,6 +41,7 @@ pub mod record;
 pub mod report;
 pub mod runs;
 pub mod stack;
+pub mod study;
 pub mod train;
 pub mod virtual_ur;
 

@@ -1,15 +1,16 @@
 //! The `palpate` command.
 
 mod commands;
+mod training;
 
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
-use palpate::config::Choice;
 use palpate::real::{self, Address};
-use palpate::{evaluate, interrupt, plot, report, train, virtual_ur};
+use palpate::{evaluate, interrupt, plot, report, study, virtual_ur};
+use training::{Settings, TrainSim, Training};
 
 /// Teach a position-controlled robot arm to feel its way.
 ///
@@ -73,81 +74,12 @@ enum Command {
     /// Curves, force against its limit, gains by phase, what the fail-safe layer did and where, the policy before and
     /// after training, configuration and provenance. Several runs are compared.
     Report(report::Options),
+    /// Do many runs from one file, resumable and shared out by any scheduler, and report them with statistics.
+    #[command(subcommand)]
+    Study(study::Study),
     /// Look after run directories: list, verify, repair, copy, export.
     #[command(subcommand)]
     Runs(commands::Runs),
-}
-
-#[derive(Debug, Args)]
-struct Settings {
-    /// Settings to start from: `palpate` (measured to learn) or `paper` (as printed).
-    #[arg(long, default_value = "palpate")]
-    preset: String,
-    /// Task: a name from assets/tasks.
-    #[arg(long, default_value = "peg-insertion")]
-    task: String,
-    /// Policy model: P-9, P-14, P-19, P-24 (parallel position/force), A-8, A-13, A-13pd, A-18 (admittance).
-    #[arg(long, default_value = "P-14")]
-    model: String,
-    /// TOML file whose keys override the preset's.
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
-    /// Override one key, e.g. --set sac.gamma=0.95 --set task.distribution=fixed. May be repeated.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
-}
-
-#[derive(Debug, Args)]
-struct Training {
-    #[command(flatten)]
-    settings: Settings,
-    /// No reward penalty for exceeding the force limit (κ = 0 instead of −10).
-    #[arg(long)]
-    no_penalty: bool,
-    /// Seed of every random number of the run.
-    #[arg(long)]
-    seed: Option<u64>,
-    /// Environment steps (20 per second of robot time). The run ends with the episode that reaches them.
-    #[arg(long)]
-    steps: Option<u64>,
-    /// What computes the updates: `cuda` is the first NVIDIA GPU, and brings `sac.ops = "plain"`. On two cores the
-    /// CPU is quicker for networks of this size.
-    #[arg(long, default_value = "cpu", value_parser = ["cpu", "cuda"])]
-    device: String,
-    /// Learn from this file of `demonstrate` as well: sac.demonstration_share of every batch, half by default.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["resume"])]
-    demonstrations: Option<PathBuf>,
-    /// Run directory to create. Default: runs/DATE_TIME_TASK_MODEL_sSEED.
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-struct TrainSim {
-    #[command(flatten)]
-    training: Training,
-    /// Continue a run from its last checkpoint, exactly; --steps may extend it.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "device", "seed", "out"])]
-    resume: Option<PathBuf>,
-    /// Say at the end where the time went: simulation, control, inference, update, logging.
-    #[arg(long)]
-    profile: bool,
-}
-
-impl TrainSim {
-    fn run(&self) -> anyhow::Result<()> {
-        let Training { demonstrations, out, steps, .. } = &self.training;
-        let (choice, out) = (self.training.choice(), out.as_deref());
-        let spent = match (&self.resume, demonstrations) {
-            (Some(dir), _) => train::resume(dir, *steps)?,
-            (None, Some(shown)) => train::start_shown(&choice, shown, out)?,
-            (None, None) => train::start(&choice, out)?,
-        };
-        if self.profile {
-            write!(std::io::stdout(), "{spent}")?;
-        }
-        Ok(())
-    }
 }
 
 #[derive(Debug, Args)]
@@ -291,7 +223,7 @@ fn main() -> ExitCode {
         .init();
     let cli = Cli::parse();
     match run(cli.command) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(e) => {
             let _ = writeln!(std::io::stderr(), "error: {e:#}");
             ExitCode::FAILURE
@@ -299,9 +231,10 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(command: Command) -> anyhow::Result<()> {
+fn run(command: Command) -> anyhow::Result<ExitCode> {
     interrupt::install()?;
-    match command {
+    let done: anyhow::Result<()> = match command {
+        Command::Study(what) => return what.run(),
         Command::TrainSim(args) => args.run(),
         Command::TrainReal(args) => real::train_real(&real::TrainReal {
             address: args.rtde,
@@ -362,32 +295,6 @@ fn run(command: Command) -> anyhow::Result<()> {
             }
             Ok(())
         }
-    }
-}
-
-impl Settings {
-    fn choice(&self) -> Choice {
-        Choice {
-            preset: self.preset.clone(),
-            task: self.task.clone(),
-            model: self.model.clone(),
-            file: self.config.clone(),
-            set: self.set.clone(),
-        }
-    }
-}
-
-impl Training {
-    fn choice(&self) -> Choice {
-        let mut choice = self.settings.choice();
-        choice.set.extend(self.seed.map(|seed| format!("run.seed={seed}")));
-        choice.set.extend(self.steps.map(|steps| format!("run.steps={steps}")));
-        if self.device == "cuda" {
-            choice.set.extend(["sac.device=\"cuda\"", "sac.ops=\"plain\""].map(String::from));
-        }
-        if self.no_penalty {
-            choice.set.push("reward.violation=0.0".into());
-        }
-        choice
-    }
+    };
+    done.map(|()| ExitCode::SUCCESS)
 }

@@ -18,7 +18,7 @@ const INSIDE: f64 = 0.002;
 
 /// What the tool is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Phase {
+pub(crate) enum Phase {
     /// In free air.
     Free,
     /// In contact, not in the hole yet.
@@ -39,7 +39,7 @@ impl Phase {
     }
 
     /// By height above the mouth (m) and contact force (N).
-    fn of(height: f64, force: f64) -> Self {
+    pub(crate) fn of(height: f64, force: f64) -> Self {
         if height < -INSIDE {
             Self::Inside
         } else if force > CONTACT {

@@ -3,11 +3,11 @@
 //! Figures come from the run's tables; what the policy does before and after training comes from running a fresh policy
 //! with the run's seed, and the run's last one, on the same frozen starts in simulation.
 
-mod behaviour;
+pub(crate) mod behaviour;
 mod charts;
 mod live;
 mod origin;
-mod page;
+pub(crate) mod page;
 mod run;
 
 use std::io::Write as _;

@@ -1,10 +1,10 @@
 //! Where runs come from: configurations, commands, commits.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::page::{escape, table};
 use super::run::Run;
+use crate::flat::flat;
 
 /// What differs between runs, then each one's latest start and whole configuration.
 pub(super) fn origin(runs: &[Run]) -> anyhow::Result<String> {
@@ -61,14 +61,8 @@ pub(super) fn origin(runs: &[Run]) -> anyhow::Result<String> {
 
 /// Keys that not all runs share, and their values.
 fn differences(runs: &[Run], texts: &[String]) -> String {
-    let flat = |text: &String| {
-        let mut keys = BTreeMap::new();
-        if let Ok(table) = text.parse::<toml::Table>() {
-            flatten("", &toml::Value::Table(table), &mut keys);
-        }
-        keys
-    };
-    let all: Vec<_> = texts.iter().map(flat).collect();
+    let keys = |text: &String| text.parse().map(|table| flat(&table)).unwrap_or_default();
+    let all: Vec<_> = texts.iter().map(keys).collect();
     let mut keys: Vec<&String> = all.iter().flat_map(|keys| keys.keys()).collect();
     keys.sort();
     keys.dedup();
@@ -89,18 +83,4 @@ fn differences(runs: &[Run], texts: &[String]) -> String {
     let names: Vec<String> = runs.iter().map(|run| escape(&run.name)).collect();
     let head: Vec<&str> = std::iter::once("key").chain(names.iter().map(String::as_str)).collect();
     table(&head, &rows)
-}
-
-fn flatten(prefix: &str, value: &toml::Value, keys: &mut BTreeMap<String, String>) {
-    match value {
-        toml::Value::Table(table) => {
-            for (key, value) in table {
-                let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-                flatten(&path, value, keys);
-            }
-        }
-        value => {
-            keys.insert(prefix.to_owned(), value.to_string());
-        }
-    }
 }

@@ -8,10 +8,10 @@ use super::origin::origin;
 use super::run::Run;
 use crate::plot::Group;
 
-const STYLE: &str = include_str!("style.css");
+pub(crate) const STYLE: &str = include_str!("style.css");
 
 /// Text as HTML.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
@@ -34,7 +34,7 @@ fn figures(pictures: impl IntoIterator<Item = (Picture, &'static str)>) -> Strin
 }
 
 /// An SVG that is as wide as its place: it has a viewBox instead of a size.
-fn scaled(svg: &str) -> String {
+pub(crate) fn scaled(svg: &str) -> String {
     let Some((head, rest)) = svg.split_once('>') else { return svg.into() };
     let attribute = |name: &str| {
         let (_, rest) = head.split_once(&format!(" {name}=\""))?;
@@ -49,7 +49,7 @@ fn scaled(svg: &str) -> String {
     }
 }
 
-pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+pub(crate) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let cells = |tag: &str, cells: &mut dyn Iterator<Item = String>| {
         cells.map(|cell| format!("<{tag}>{cell}</{tag}>")).collect::<Vec<_>>().concat()
     };

@@ -65,9 +65,20 @@ fn begin(
 
 /// Continues a simulated run from its last whole checkpoint, or from its beginning if it has none.
 pub fn resume(path: &Path, steps: Option<u64>) -> anyhow::Result<TimeSpent> {
-    let dir = RunDir::open(path)?;
     let set: Vec<String> = steps.map(|s| format!("run.steps={s}")).into_iter().collect();
-    let config = Config::of_run(path, &set)?;
+    go_on(path, &set)
+}
+
+/// Whether a run's summary says that it took all its steps.
+pub(crate) fn is_complete(path: &Path) -> bool {
+    let text = std::fs::read_to_string(path.join("summary.json")).unwrap_or_default();
+    serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|s| s["complete"] == true)
+}
+
+/// Continues a simulated run with these settings, which may not change its past.
+pub(crate) fn go_on(path: &Path, set: &[String]) -> anyhow::Result<TimeSpent> {
+    let dir = RunDir::open(path)?;
+    let config = Config::of_run(path, set)?;
     if config.ur.is_some() {
         bail!("{} is a run on an arm: continue it with train-real --resume", path.display());
     }
@@ -146,7 +157,8 @@ pub(crate) fn last_checkpoint(
         .with_context(|| format!("{} cannot be continued", path.display()))?;
     let progress: Progress =
         serde_json::from_str(&read(PROGRESS)?).context("progress.json of the checkpoint")?;
-    if progress.step >= config.run.steps {
+    // One that was killed between its last checkpoint and its summary still has to finish.
+    if progress.step >= config.run.steps && is_complete(path) {
         bail!(
             "the run is complete: {} of {} steps; extend it with --resume {} --steps N",
             progress.step,

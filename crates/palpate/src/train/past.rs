@@ -5,9 +5,10 @@ use toml::{Table, Value};
 
 use crate::Config;
 
-/// What may differ when a run is continued: its length, and the arm's address and link.
+/// What may differ when a run is continued: its length, the threads of its updates, which change no result, and the
+/// arm's address and link.
 fn may_differ(key: &str) -> bool {
-    key == "run.steps" || key.starts_with("ur.")
+    matches!(key, "run.steps" | "sac.threads") || key.starts_with("ur.")
 }
 
 /// Compares the configuration of a checkpoint with the one a run is to be continued under.
@@ -75,6 +76,7 @@ mod tests {
         let then = config(&[]).to_toml().unwrap();
         unchanged(&then, &config(&[])).unwrap();
         unchanged(&then, &config(&["run.steps=7"])).unwrap();
+        unchanged(&then, &config(&["sac.threads=1"])).unwrap();
         let other = config(&["sac.gamma=0.5", "run.seed=9", "run.steps=7"]);
         let said = unchanged(&then, &other).unwrap_err().to_string();
         assert!(said.contains("sac.gamma was 0.98 and is 0.5"), "{said}");
