@@ -44,6 +44,31 @@ fn what_is_recorded_is_what_was_done_and_replaces_no_file() {
 }
 
 #[test]
+fn what_was_recorded_is_told_and_lucky_successes_are_called_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let tell = |task: &str| {
+        let session = Session {
+            choice: Choice { task: task.into(), ..choice(&["run.seed=1"]) },
+            by: "scripted".into(),
+            options: Options { episodes: 2, only_successes: true },
+            out: dir.path().join(task),
+            propose: Some(dir.path().join(format!("{task}.toml"))),
+        };
+        let mut said = Vec::new();
+        command(&session, &mut said).unwrap();
+        Config::load(&Choice { file: session.propose, ..session.choice }).unwrap();
+        String::from_utf8(said).unwrap()
+    };
+    let said = tell("peg-insertion");
+    assert!(said.contains("2 episodes of peg-insertion, P-14, by scripted"), "{said}");
+    assert!(said.contains("2 of 2 reached the goal, 2 kept"), "{said}");
+    assert!(said.contains("cannot tell") && !said.contains("few starts"), "{said}");
+    // The script inserts the sharp peg on one start in four.
+    let said = tell("peg-insertion-sharp");
+    assert!(said.contains("2 kept") && said.contains("few starts"), "{said}");
+}
+
+#[test]
 fn other_settings_are_refused_by_key_and_harmless_ones_are_not() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("demo");
