@@ -168,3 +168,49 @@ fn catching_up_ends_at_full_speed() {
     assert!(behind > 0.01, "{behind} rad: there was something to make up for");
     assert!(fastest > 1.0 - 1e-9 && fastest < 1.0 + 1e-9, "{fastest} of full speed");
 }
+
+/// The tool is mounted on the flange, and so is its capsule.
+#[test]
+fn the_tools_capsule_moves_with_the_flange() {
+    let urdf = include_str!("../../../../../assets/robots/ur3e.urdf");
+    let arm = SerialChain::<DOF>::from_urdf_str(urdf, "base_link", "tool0").unwrap();
+    let shield = shield();
+    let tool = shield.config.tool;
+    for turn in [-0.9, 0.0, 0.4, 1.3] {
+        let q = home().map(|x| 0.8 * x + turn);
+        let base_T_tool0 = arm.forward(&q);
+        let capsules = shield.geometry().capsules(&shield.chain, &q);
+        let (ends, radius) = capsules[capsules.len() - 1];
+        assert_eq!(radius, tool.radius);
+        for (end, flange) in ends.iter().zip([tool.from, tool.to]) {
+            let expected = base_T_tool0 * nalgebra::Point3::from(flange);
+            assert!((end - expected.coords).norm() < 1e-9, "{end} {expected}");
+        }
+    }
+}
+
+/// A person moved the arm and saw to the sensor: nothing from before counts.
+#[test]
+fn a_restart_begins_at_rest_where_the_arm_is_then() {
+    let mut shield = moving();
+    let pressed = sample(&shield, Vector3::x() * 26.0);
+    for _ in 0..2 {
+        let _ = shield.tick(&pressed, &Proposal::Rest);
+    }
+    for _ in 0..shield.config.sensor.bad_samples_max {
+        let stale = shield.watch(&pressed.state);
+        assert!(stale.is_err() || shield.bad_samples == 0);
+    }
+    let _ = shield.watch(&pressed.state);
+    assert!(shield.is_stopped() && shield.is_blind() && !shield.is_armed());
+    assert_eq!(shield.standing(), Standing::Moving);
+    shield.restart();
+    assert!(!shield.is_stopped() && !shield.is_blind() && shield.is_armed());
+    assert_eq!((shield.standing(), shield.motion()), (Standing::AtRest, None));
+    assert_eq!(shield.watch(&pressed.state), Ok(()), "the first sample has no predecessor");
+    let mut m = sample(&shield, Vector3::zeros());
+    m.state.q = home().map(|x| x + 0.01);
+    m.state.q_target = m.state.q;
+    let decision = shield.tick(&m, &Proposal::Rest);
+    assert_eq!((decision.verdict, decision.executed), (Verdict::Accepted, m.state.q));
+}
