@@ -2,6 +2,8 @@
 #![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
 
 mod stop;
+#[cfg(test)]
+mod tests;
 
 use palpate_kinematics::SerialChain;
 use palpate_robot_io::RobotState;
