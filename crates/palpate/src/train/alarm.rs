@@ -33,9 +33,9 @@ impl Alarms {
         let mut all = Vec::new();
         let gap = now.q_minus_return;
         let able = best.is_some_and(|best| best.success_rate >= 0.9);
-        // Written so that a gap that is no number is told.
-        let wide = able && !(gap <= GAP * sac.reward_scale * pays);
-        if begins(&mut self.gap, wide) {
+        // A gap that is no number is not believable, and told.
+        let believable = gap <= GAP * sac.reward_scale * pays;
+        if begins(&mut self.gap, able && !believable) {
             all.push(format!(
                 "the critic expects {gap:.1} more than the policy gets (eval/q_minus_return): the policy may be failing. The best one so far is kept; if this stays, try a larger sac.n_step (now {}) or a smaller sac.actor_learning_rate (now {})",
                 sac.n_step, sac.actor_learning_rate
