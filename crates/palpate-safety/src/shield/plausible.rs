@@ -253,6 +253,24 @@ mod tests {
     }
 
     #[test]
+    fn a_large_reading_is_no_jump_and_a_change_of_sign_may_be_one() {
+        let after = |before: f64, now: f64| {
+            let mut w = watch();
+            let reading = |tick: u32, z: f64| {
+                let mut state = sample(tick);
+                state.sensor_wrench.force.z = z;
+                state
+            };
+            w.check(&reading(1, before)).unwrap();
+            w.check(&reading(2, now))
+        };
+        assert_eq!(after(30.0, 30.0), Ok(()));
+        assert_eq!(after(-100.0, -61.0), Ok(()));
+        let jump = after(30.0, -11.0);
+        assert_eq!(jump, Err(Implausible::WrenchJump { axis: 2, step: 41.0, limit: 40.0 }));
+    }
+
+    #[test]
     fn a_reading_may_be_frozen_anywhere() {
         let mut w = watch();
         let pressed = Wrench::new([5.0, -3.0, 20.0].into(), [0.1, 0.2, -0.3].into());

@@ -76,6 +76,17 @@ mod tests {
         assert_eq!(Retreat::new(CONFIG).step(&Vector3::new(f64::NAN, 0.0, 0.0), 0.002), None);
     }
 
+    /// By 30 % of what it was at first, whatever it was in between.
+    #[test]
+    fn a_force_may_grow_a_little_before_it_falls() {
+        let mut retreat = Retreat::new(CONFIG);
+        for (newton, on) in [(30.0, true), (38.9, true), (20.0, true), (38.9, true), (39.1, false)]
+        {
+            let step = retreat.step(&Vector3::new(0.0, newton, 0.0), 0.002);
+            assert_eq!(step.is_some(), on, "{newton} N");
+        }
+    }
+
     #[test]
     fn it_slows_down_towards_the_free_force_and_ends_at_it() {
         let speed = |newton: f64| Retreat::new(CONFIG).step(&Vector3::new(0.0, newton, 0.0), 0.002);

@@ -79,6 +79,8 @@ fn a_brake_under_way_leaves_less_and_less_time_to_count() {
         let m = sample(&shield, Vector3::zeros());
         let bound = 0.75 * 25.0 / (1.0e4 * (0.03 + 0.5 * shield.stopping_time));
         assert!((shield.bounds(&m).upper.z - bound).abs() < 1e-12);
+        let standing = if left == 0.0 { Standing::AtRest } else { Standing::Moving };
+        assert_eq!(shield.standing(), standing);
         if left == 0.0 {
             break;
         }
