@@ -197,16 +197,16 @@ mod tests {
                 let on = |value: f64| only(joint, sign * value);
                 let rest = motion(none, none);
                 assert!(v.step_is_legal(&rest, &motion(on(2.0), none)));
-                assert!(!v.step_is_legal(&rest, &motion(on(2.0000001), none)), "speed");
+                assert!(!v.step_is_legal(&rest, &motion(on(2.000_000_1), none)), "speed");
                 let hard = motion(none, on(10.0));
                 assert!(v.step_is_legal(&motion(none, on(9.5)), &hard));
-                let harder = motion(none, on(10.000001));
+                let harder = motion(none, on(10.000_001));
                 assert!(!v.step_is_legal(&hard, &harder), "acceleration");
                 assert!(
                     v.step_is_legal(&motion(none, on(-0.5)), &motion(none, on(0.5))),
                     "1 in all"
                 );
-                let jerk = motion(none, on(0.500001));
+                let jerk = motion(none, on(0.500_001));
                 assert!(!v.step_is_legal(&motion(none, on(-0.5)), &jerk), "jerk");
                 assert!(!v.step_is_legal(&rest, &motion(none, on(f64::NAN))));
                 assert!(!v.step_is_legal(&rest, &motion(on(f64::NAN), none)));

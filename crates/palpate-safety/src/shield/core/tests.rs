@@ -53,10 +53,12 @@ fn the_approach_aims_below_the_limit_of_its_phase() {
     let m = sample(&shield, Vector3::zeros());
     let _ = shield.tick(&m, &Proposal::Rest);
     // 0.75 · F / (k · t) at rest in free air; with 5 N against it, 5 N less.
-    let cases: [(fn(&mut Shield), f64); 2] =
-        [(Shield::begin_episode, 25.0), (Shield::begin_reset, 60.0)];
-    for (begin, limit) in cases {
-        begin(&mut shield);
+    for (resets, limit) in [(false, 25.0), (true, 60.0)] {
+        if resets {
+            shield.begin_reset();
+        } else {
+            shield.begin_episode();
+        }
         let free = shield.bounds(&sample(&shield, Vector3::zeros()));
         let pressed = shield.bounds(&sample(&shield, Vector3::z() * 5.0));
         assert!((free.lower.z + 0.75 * limit / 300.0).abs() < 1e-12, "{free:?}");
