@@ -132,6 +132,17 @@ fn the_authors_range_map_multiplies_and_divides() {
 }
 
 #[test]
+fn p_6_moves_and_leaves_every_gain_at_its_base() {
+    let (p_6, p_9) =
+        (ActionMap::new(&model("p-6")).unwrap(), ActionMap::new(&model("p-9")).unwrap());
+    assert_eq!(p_6.dim(), 6);
+    let mut nine = [0.0; 9];
+    nine[..6].fill(0.7);
+    let (six, nine) = (p_6.decode(&[0.7; 6]).unwrap(), p_9.decode(&nine).unwrap());
+    assert_eq!((six.motion, six.gains), (nine.motion, nine.gains));
+}
+
+#[test]
 fn a_fixed_gain_takes_no_action_and_stays_at_its_base() {
     let mut model = model("p-14");
     let base = [0.1, 0.2, 0.3, 0.4, 0.5, 1.0];

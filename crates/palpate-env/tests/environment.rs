@@ -139,7 +139,7 @@ fn the_same_episode_is_bitwise_the_same_whatever_came_before() {
 
 #[test]
 fn no_model_oscillates_in_free_air_at_the_ends_of_its_gains() {
-    for model in ["p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18"] {
+    for model in ["p-6", "p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18"] {
         for gain in [-1.0, 0.0, 1.0] {
             let mut env = env_of(model, 1, fixed);
             env.reset().unwrap();

@@ -15,7 +15,8 @@ pub(crate) struct Settings {
     /// Task: a name from assets/tasks.
     #[arg(long, default_value = "peg-insertion")]
     task: String,
-    /// Policy model: P-9, P-14, P-19, P-24 (parallel position/force), A-8, A-13, A-13pd, A-18 (admittance).
+    /// Policy model: P-9, P-14, P-19, P-24 (parallel position/force), A-8, A-13, A-13pd, A-18 (admittance);
+    /// P-6 moves no gain.
     #[arg(long, default_value = "P-14")]
     model: String,
     /// TOML file whose keys override the preset's.

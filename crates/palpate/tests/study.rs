@@ -106,9 +106,14 @@ fn shards_kills_and_signals_change_no_row() {
     assert_eq!(rows[2].lines().count(), 1 + 4 * 4 * 2 + 2 * 2);
 
     // Again is nothing to do, in no time.
+    let written = |place: &Place| {
+        let result = place.folder.join("runs/peg_P-14_penalty_s1/result.json");
+        std::fs::metadata(result).unwrap().modified().unwrap()
+    };
+    let before = written(&whole);
     let again = whole.run(&[]);
     assert_eq!(again.status.code(), Some(0));
-    assert_eq!(whole.rows(), rows);
+    assert_eq!((written(&whole), whole.rows()), (before, rows.clone()));
 
     let parts = Place::new();
     // A run by its number, killed in the middle; then told to end by a signal; then gone on with.
@@ -140,6 +145,17 @@ fn shards_kills_and_signals_change_no_row() {
 
     // The collected rows are enough: nothing is done again, and the report is the same.
     let report = std::fs::read_to_string(parts.folder.join("report.md")).unwrap();
+    for chapter in [
+        "- 6 of 6 runs are in it",
+        "![peg, peg-insertion: parallel, with penalty](success-",
+        "| peg | peg-insertion | A-13pd, no penalty | 1 |",
+        "## The finished policies",
+        "## The paper's orderings",
+        "| peg-insertion | P-14 | align, descend, spiral search with force control |",
+        "![A-13pd, last policy: k_d](evolution-",
+    ] {
+        assert!(report.contains(chapter), "{chapter} in {report}");
+    }
     std::fs::remove_dir_all(parts.folder.join("runs")).unwrap();
     assert_eq!(parts.run(&[]).status.code(), Some(0));
     assert_eq!(parts.results(), 0);
@@ -155,7 +171,7 @@ fn shards_kills_and_signals_change_no_row() {
 #[test]
 fn a_run_that_fails_is_named_and_stops_no_other() {
     let place = Place::new();
-    // The simulated peg does not fit the hole it is to go into: known only when the world is built.
+    // A robot that is not there: known only when the world is built.
     let text = STUDY.replace(
         "[[runs]]\nname = \"baseline\"",
         "[[runs]]\nname = \"broken\"\ntask = \"peg-insertion\"\nmodel = \"P-14\"\npolicy = \"zero\"\nset = { robot.urdf = \"no-such.urdf\" }\n[[runs]]\nname = \"baseline\"",

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use palpate_runs::{DEMONSTRATIONS, Journal};
-use palpate_sac::{Sac, Transition};
+use palpate_sac::Sac;
 use serde::{Deserialize, Serialize};
 
 use crate::Config;
@@ -177,15 +177,7 @@ impl Demonstrations {
     /// Shows them to an agent.
     pub(crate) fn teach(&self, agent: &mut Sac) -> anyhow::Result<()> {
         for lesson in &self.lessons {
-            agent.demonstrate(&Transition {
-                observation: &lesson.observation,
-                action: &lesson.action,
-                executed: &lesson.executed,
-                reward: lesson.reward,
-                next_observation: &lesson.next,
-                terminal: lesson.terminal,
-                episode_end: lesson.episode_end,
-            })?;
+            agent.demonstrate(&lesson.transition())?;
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 
 use super::plan::{self, Planned, Study};
-use super::rows::Rows;
+use super::rows::{RESULT, Rows};
 
 const STUDY: &str = "study.toml";
 
@@ -29,8 +29,8 @@ pub(super) struct Folder {
     pub(super) path: PathBuf,
     pub(super) study: Study,
     pub(super) plan: Vec<Planned>,
-    /// What was collected before, perhaps elsewhere.
-    collected: Rows,
+    /// Names of the runs that were collected before, perhaps elsewhere.
+    collected: Vec<String>,
 }
 
 impl Folder {
@@ -68,7 +68,7 @@ impl Folder {
     fn with(path: PathBuf, text: &str) -> anyhow::Result<Self> {
         let study = Study::parse(text).with_context(|| format!("{}", path.display()))?;
         let plan = study.plan().with_context(|| format!("{}", path.display()))?;
-        let collected = Rows::read(&path)?;
+        let collected = Rows::names(&path)?;
         Ok(Self { path, study, plan, collected })
     }
 
@@ -84,7 +84,7 @@ impl Folder {
 
     /// Whether a run has its rows.
     pub(super) fn is_done(&self, run: &Planned) -> bool {
-        self.collected.has(&run.id) || Rows::of_run(&self.dir(run)).is_some()
+        self.collected.contains(&run.id) || self.dir(run).join(RESULT).is_file()
     }
 
     /// How far a run is: steps in its table.
@@ -96,11 +96,11 @@ impl Folder {
 
     /// All finished runs' rows: of run directories, and of what was collected before.
     pub(super) fn rows(&self) -> anyhow::Result<Rows> {
-        let mut all = Rows::default();
+        let (mut all, collected) = (Rows::default(), Rows::read(&self.path)?);
         for run in &self.plan {
             match Rows::of_run(&self.dir(run)) {
                 Some(rows) => all.take(rows.with_context(|| format!("run {}", run.id))?),
-                None => all.take(self.collected.only(&run.id)),
+                None => all.take(collected.only(&run.id)),
             }
         }
         Ok(all)

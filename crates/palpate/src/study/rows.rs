@@ -136,6 +136,13 @@ impl Rows {
         })
     }
 
+    /// Names of the runs that [`write`](Self::write) wrote into a folder.
+    pub(super) fn names(folder: &Path) -> anyhow::Result<Vec<String>> {
+        let path = folder.join("runs.csv");
+        let rows: Vec<RunRow> = if path.is_file() { read(&path)? } else { Vec::new() };
+        Ok(rows.into_iter().map(|row| row.run).collect())
+    }
+
     /// What [`write`](Self::write) wrote into a folder; nothing if it did not.
     pub(super) fn read(folder: &Path) -> anyhow::Result<Self> {
         if !folder.join("runs.csv").is_file() {
@@ -157,10 +164,6 @@ impl Rows {
         write(&folder.join(EVALUATION), &self.judged)?;
         write(&folder.join("curves.csv"), &self.curves)?;
         write(&folder.join("runs.csv"), &self.runs)
-    }
-
-    pub(super) fn has(&self, run: &str) -> bool {
-        self.runs.iter().any(|row| row.run == run)
     }
 
     /// The rows of one run.

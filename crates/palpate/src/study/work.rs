@@ -158,6 +158,14 @@ fn words(folder: &Folder, run: &Planned) -> String {
     format!("{} ({})", last.unwrap_or("it said nothing"), log.display())
 }
 
+/// Steps that are taken of these runs.
+fn taken(folder: &Folder, runs: &[&Planned]) -> u64 {
+    let of = |run: &&Planned| {
+        if folder.is_done(run) { run.steps } else { folder.steps(run).min(run.steps) }
+    };
+    runs.iter().map(of).sum()
+}
+
 /// The study in one line.
 struct View<'a> {
     folder: &'a Folder,
@@ -172,17 +180,8 @@ impl<'a> View<'a> {
         let runs: Vec<_> = runs.collect();
         let live = std::io::stdout().is_terminal();
         let (shown, pause) = (None, if live { Duration::from_secs(1) } else { PLAIN });
-        let mut view = Self { folder, console: Console::new(total, 0), runs, shown, pause };
-        view.console = Console::new(total, view.steps());
-        view
-    }
-
-    /// Steps that are taken.
-    fn steps(&self) -> u64 {
-        let of = |run: &&Planned| {
-            if self.folder.is_done(run) { run.steps } else { self.folder.steps(run).min(run.steps) }
-        };
-        self.runs.iter().map(of).sum()
+        let console = Console::new(total, taken(folder, &runs));
+        Self { folder, console, runs, shown, pause }
     }
 
     fn show(&mut self, done: usize, of: usize, running: &[Running<'_>]) {
@@ -196,7 +195,7 @@ impl<'a> View<'a> {
         };
         let now: Vec<String> = running.iter().map(one).collect();
         let line = format!(" {done} of {of} runs done; {}", now.join(", "));
-        let steps = self.steps();
+        let steps = taken(self.folder, &self.runs);
         self.console.update(steps, &line);
     }
 }

@@ -1,7 +1,8 @@
 //! What a person should know about a learner before it fails.
 //!
-//! The one sign that announced every collapse that was looked at is a critic that expects more than the policy gets
-//! (docs/results/learner); the others are known from the literature.
+//! A critic that expects much more than the policy gets comes before a policy that falls from success to failure; units
+//! that never fire and saturated actions are known from the literature (Sokar et al. 2023). The thresholds are chosen
+//! so that healthy trainings of the study in docs/results/paper-study say nothing; no failing one has been seen since.
 
 use palpate_sac::{Diagnosis, SacConfig};
 

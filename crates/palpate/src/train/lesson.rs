@@ -1,6 +1,7 @@
 //! One step of experience, as the learner takes it and as the journal keeps it.
 
 use palpate_env::{Env, Step, Summary};
+use palpate_sac::Transition;
 use palpate_safety::Guarded;
 
 /// One step of experience.
@@ -63,6 +64,19 @@ impl Lesson {
         self.terminal = step.terminated;
         self.episode_end = step.terminated || step.truncated;
         self.summary = step.summary;
+    }
+
+    /// As the learner takes it.
+    pub(crate) fn transition(&self) -> Transition<'_> {
+        Transition {
+            observation: &self.observation,
+            action: &self.action,
+            executed: &self.executed,
+            reward: self.reward,
+            next_observation: &self.next,
+            terminal: self.terminal,
+            episode_end: self.episode_end,
+        }
     }
 
     /// As a record of the journal: step number u64, flags u8, reward, observation, action, executed action and next

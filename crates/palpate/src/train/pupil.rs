@@ -3,7 +3,7 @@
 use anyhow::Result;
 use palpate_env::{Outcome, Summary};
 use palpate_runs::{CheckpointStore, Console, Metrics, RunDir, Slot, Table};
-use palpate_sac::{Diagnosis, Sac, Transition, UpdateStats};
+use palpate_sac::{Diagnosis, Sac, UpdateStats};
 use palpate_safety::Entry;
 
 use super::alarm::Alarms;
@@ -90,15 +90,7 @@ impl Pupil {
     /// Remembers a step and learns.
     pub(crate) fn take(&mut self, lesson: &Lesson) -> Result<()> {
         let mut laps = Laps::begin();
-        self.agent.observe(&Transition {
-            observation: &lesson.observation,
-            action: &lesson.action,
-            executed: &lesson.executed,
-            reward: lesson.reward,
-            next_observation: &lesson.next,
-            terminal: lesson.terminal,
-            episode_end: lesson.episode_end,
-        })?;
+        self.agent.observe(&lesson.transition())?;
         if lesson.summary.as_ref().is_some_and(|s| s.outcome == Outcome::Collision) {
             self.agent.remember_danger();
         }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use palpate_env::Env;
-use palpate_sac::{Sac, Transition};
+use palpate_sac::Sac;
 use palpate_safety::Safe;
 use palpate_ur::{LinkStats, Ports, UrArm, UrConfig};
 use palpate_virtual_ur::{Handle, Port};
@@ -193,15 +193,7 @@ fn learn(
         let patience = if agent.update()?.is_some() { 0 } else { 20 };
         match control.news.recv_timeout(Duration::from_millis(patience)) {
             Ok(News::Step(lesson)) => {
-                agent.observe(&Transition {
-                    observation: &lesson.observation,
-                    action: &lesson.action,
-                    executed: &lesson.executed,
-                    reward: lesson.reward,
-                    next_observation: &lesson.next,
-                    terminal: lesson.terminal,
-                    episode_end: lesson.episode_end,
-                })?;
+                agent.observe(&lesson.transition())?;
                 exchange.offer(agent.policy());
                 learned.steps += 1;
                 let over = lesson.summary.is_some();

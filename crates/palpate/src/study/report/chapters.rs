@@ -70,8 +70,8 @@ fn tasks<'a, 'b>(groups: &[&'b Group<'a>]) -> Vec<(String, Vec<&'b Group<'a>>)> 
 fn curves(groups: &[&Group<'_>]) -> Chapter {
     let mut chapter = Chapter::new("Learning curves");
     chapter.text(
-        "Left as the paper draws them: return of the training episodes, moving average 0.6, mean and standard deviation \
-         over the runs. Right: success of the deterministic policy on frozen starts, IQM over the runs and its interval. \
+        "Of each pair, the first as the paper draws it: return of the training episodes, moving average 0.6, mean and standard deviation \
+         over the runs. The second: success of the deterministic policy on frozen starts, IQM over the runs and its interval. \
          Return is not success, and not comparable between with and without penalty.",
     );
     for (name, of) in tasks(groups) {

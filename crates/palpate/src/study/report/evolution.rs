@@ -219,3 +219,47 @@ fn shades(of: &[&Motion]) -> Vec<Shade> {
     }
     all.into_iter().map(|(_, shade)| shade).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn motion(time: f64, phase: &str) -> Motion {
+        Motion {
+            run: "r".into(),
+            model: "P-14".into(),
+            policy: "last".into(),
+            time,
+            phase: phase.into(),
+            height: 1.0,
+            offset: 2.0,
+            force: 3.0,
+            ax_x: 0.0,
+            ax_y: 0.0,
+            ax_z: 0.0,
+            kp_xy: 1.0,
+            kp_z: 1.0,
+            second_xy: 0.5,
+            second_z: 0.5,
+        }
+    }
+
+    #[test]
+    fn phases_are_shaded_from_their_beginning_to_the_next() {
+        let phases =
+            ["search", "contact", "contact", "search", "contact", "insertion", "insertion"];
+        let of: Vec<Motion> = (0..).zip(phases).map(|(i, p)| motion(f64::from(i), p)).collect();
+        let shades = shades(&of.iter().collect::<Vec<_>>());
+        let found: Vec<_> = shades.iter().map(|s| (s.from, s.to, s.colour.as_str())).collect();
+        let (contact, insertion) = ("#e69f00", "#009e73");
+        assert_eq!(found, [(1.0, 3.0, contact), (4.0, 5.0, contact), (5.0, 6.0, insertion)]);
+    }
+
+    #[test]
+    fn every_shown_model_has_its_pictures() {
+        let of = [motion(0.0, "search"), motion(0.05, "contact")];
+        let names: Vec<String> = figures(&of).into_iter().map(|(name, ..)| name).collect();
+        let expected = ["observation", "a_x", "k_p", "s"];
+        assert_eq!(names, expected.map(|what| format!("evolution-P-14-last-{what}.svg")));
+    }
+}

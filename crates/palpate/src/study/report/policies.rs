@@ -1,6 +1,6 @@
 //! The chapters about the policies: finished ones, those on the way, baselines, and what they do.
 
-use palpate_runs::stats::{iqm, mean};
+use palpate_runs::stats::mean;
 
 use super::document::Chapter;
 use super::evolution::{self, Motion};
@@ -33,10 +33,7 @@ pub(super) fn judged(groups: &[&Group<'_>]) -> Chapter {
             g.name(),
             success(&last),
             worst.map_or_else(|| "–".into(), |w| format!("{:.0} %", 100.0 * w)),
-            iqm(&by_run).map_or_else(
-                || "–".into(),
-                |_| middle(&by_run.iter().map(|x| 100.0 * x).collect::<Vec<_>>(), 1),
-            ),
+            middle(&by_run.iter().map(|x| 100.0 * x).collect::<Vec<_>>(), 1),
             success(&g.judged("last", "sampled")),
             success(&g.judged("kept", "mean")),
             success(&g.judged("kept", "sampled")),
