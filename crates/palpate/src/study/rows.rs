@@ -44,6 +44,7 @@ pub(super) struct TimeRow {
     /// Of an update.
     pub(super) threads: usize,
     pub(super) cpu: String,
+    /// Of the sources' checkout when the run was started; the program may have been built from an earlier one.
     pub(super) commit: String,
     pub(super) version: String,
 }

@@ -47,7 +47,7 @@ fn overview(folder: &Folder, rows: &Rows) -> Chapter {
     chapter.items.push(Item::List(vec![
         format!("{} of {planned} runs are in it, {:.2} million environment steps; {} judged episodes.", rows.runs.len(), steps as f64 / 1e6, rows.judged.len()),
         format!("Simulated; no arm took part. {hours:.1} core hours, judging included, on: {}.", cpus.join(", ")),
-        format!("Code: {}. Command: `cargo xtask study run {}`, then `study report`.", commits.join(", "), folder.study.name),
+        format!("Checkout at each start: {}. Command: `cargo xtask study run {}`, then `study report`.", commits.join(", "), folder.study.name),
         "Intervals are of 95 %: Clopper and Pearson for shares of episodes, percentile bootstrap over runs for interquartile means (IQM) and probabilities.".into(),
         "Rows for pandas and rliable: runs.csv, episodes.csv (training), evaluation.csv (judged episodes), curves.csv (evaluations while training), times.csv.".into(),
     ]));
