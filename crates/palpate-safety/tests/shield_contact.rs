@@ -7,9 +7,11 @@ use std::time::Duration;
 
 use palpate_kinematics::SerialChain;
 use palpate_robot_io::{IdealArm, IdealArmError, JointCommand, RobotBackend, RobotState};
-use palpate_safety::shield::{Brake, Standing};
+use palpate_safety::shield::Standing;
 use palpate_safety::{Mode, Safe, SafetyConfig, Verdict};
 use palpate_spatial::{DOF, JointVector, Twist, Vector3, Wrench, integrate};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 
 const DT: f64 = 0.002;
 
@@ -125,6 +127,57 @@ fn the_peak_force_stays_within_10_newton_of_the_limit() {
     assert!(worse >= 3, "without the shield the same approaches exceed the bar");
 }
 
+/// A learner's commands: a new twist every 50 ms within two centimetres and nine degrees of where it began, the floor
+/// within reach. The force stops, and the fastest approach of the set-points, m/s.
+fn wander(episodes: u64) -> (u32, f64) {
+    let (mut stops, mut fastest) = (0, 0.0f64);
+    for seed in 0..episodes {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut robot = robot(shield(1e4), 1e4, 0.010);
+        let start = robot.sense().unwrap().base_T_tool;
+        let (mut reference, mut height) = (start, start.translation.z);
+        'episode: for _ in 0..100 {
+            let mut part = |size: f64| Vector3::from_fn(|_, _| rng.random_range(-size..size));
+            let mut twist = Twist::new(part(0.25) - Vector3::z() * 0.05, part(0.5));
+            for _ in 0..25 {
+                let moved = reference.translation.vector - start.translation.vector;
+                let turned = (reference.rotation * start.rotation.inverse()).scaled_axis();
+                for i in 0..3 {
+                    if moved[i].abs() > 0.02 {
+                        twist.linear[i] = -moved[i].signum() * twist.linear[i].abs();
+                    }
+                    if turned[i].abs() > 0.15 {
+                        twist.angular[i] = -turned[i].signum() * twist.angular[i].abs();
+                    }
+                }
+                let next = integrate(&reference, &twist, DT);
+                let verdict = robot.command(&next).unwrap();
+                reference = robot.decision().and_then(|d| d.governed).unwrap_or(next);
+                let sent = robot.sense().unwrap().state.q_target;
+                let before =
+                    std::mem::replace(&mut height, robot.chain().forward(&sent).translation.z);
+                fastest = fastest.max((before - height) / DT);
+                if let Verdict::ForceExceeded(_) = verdict {
+                    stops += 1;
+                    break 'episode;
+                }
+            }
+        }
+    }
+    (stops, fastest)
+}
+
+/// The bound on the approach holds for what the arm does, not only for what it is told. With joints that reach a new
+/// direction one after another 197 of 200 such episodes ended in a force stop, at up to 0.21 m/s.
+#[test]
+fn commands_that_change_direction_press_no_harder_than_straight_ones() {
+    let (stops, fastest) = wander(200);
+    println!("{stops} force stops in 200 episodes; fastest approach {fastest:.3} m/s");
+    assert!(stops == 0, "{stops}");
+    // In free air 19 N may be reached in 30 ms and the brake: 0.06 m/s, and what an acceleration still adds.
+    assert!(fastest < 0.08, "{fastest}");
+}
+
 /// An estimate of the stiffness that is wrong by a factor of two makes the peak wrong by as much, not more.
 #[test]
 fn a_wall_twice_as_stiff_as_expected_at_most_doubles_the_peak() {
@@ -159,16 +212,12 @@ fn a_force_stop_brakes_in_the_same_tick_and_backs_out_of_the_contact() {
                 tripped = Some((tick, excess));
                 let before = before.unwrap();
                 assert!(before.v.norm() > 0.01, "it was moving");
-                for i in 0..DOF {
-                    let brake =
-                        Brake::new(limits.joint_acceleration_max[i], limits.joint_jerk_max[i], DT);
-                    let braked = brake.step(before.v[i], before.a[i]);
-                    assert_eq!(
-                        (after.v[i], after.a[i]),
-                        braked,
-                        "joint {i} brakes in the tick of the trip"
-                    );
-                }
+                // Straight against the motion there is, as hard as the limits of some joint allow.
+                let jerk = (after.a - before.a).component_div(&(limits.joint_jerk_max * DT)).amax();
+                let deceleration = after.a.component_div(&limits.joint_acceleration_max).amax();
+                assert!((jerk.max(deceleration) - 1.0).abs() < 1e-9, "{jerk} {deceleration}");
+                let opposed = -after.a.dot(&before.v) / (after.a.norm() * before.v.norm());
+                assert!(opposed > 0.99, "{opposed}");
             }
         } else {
             assert!(tripped.is_none(), "latched until the next reset");

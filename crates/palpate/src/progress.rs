@@ -68,9 +68,10 @@ pub(crate) struct Evaluation {
 }
 
 impl Evaluation {
-    /// Better than `other`: more successes, then more return.
-    pub(crate) fn beats(&self, other: &Self) -> bool {
-        (self.success_rate, self.mean_return) > (other.success_rate, other.mean_return)
+    /// Worth keeping instead of an earlier one: no fewer successes. Of equals the later one has learned more; to go by
+    /// their returns as well kept policies that were lucky on these few starts.
+    pub(crate) fn beats(&self, earlier: &Self) -> bool {
+        self.success_rate >= earlier.success_rate
     }
 }
 
@@ -183,7 +184,7 @@ mod tests {
             q_minus_return: 0.0,
         };
         assert!(e(0.9, 10.0).beats(&e(0.8, 200.0)));
-        assert!(e(0.9, 11.0).beats(&e(0.9, 10.0)));
-        assert!(!e(0.9, 10.0).beats(&e(0.9, 10.0)));
+        assert!(e(0.9, 9.0).beats(&e(0.9, 10.0)));
+        assert!(!e(0.8, 200.0).beats(&e(0.9, 10.0)));
     }
 }

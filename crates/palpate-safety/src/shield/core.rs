@@ -15,7 +15,7 @@ use super::decision::{Decision, Proposal};
 use super::force::{Contact, ForceGuard, WrenchLimits};
 use super::geometry::Geometry;
 use super::headroom::Headroom;
-use super::motion::{MAIN, Motion};
+use super::motion::Motion;
 use super::plausible::{Implausible, Watch};
 use super::prove;
 use super::recovery::Standing;
@@ -60,7 +60,7 @@ pub struct Shield {
     /// Clearance of the set-point, where it is known.
     clearance: Option<f64>,
     /// How long the brake from here takes, s.
-    stopping_time: f64,
+    pub(super) stopping_time: f64,
     stop: Option<(Excess, Stage)>,
     ledger: Ledger,
 }
@@ -91,9 +91,6 @@ impl Shield {
         let verifier = Verifier {
             dt,
             brakes: std::array::from_fn(|i| Brake::new(acceleration[i], jerk[i], dt)),
-            side: std::array::from_fn(|i| {
-                Brake::new((1.0 - MAIN) * acceleration[i], (1.0 - MAIN) * jerk[i], dt)
-            }),
             lower: chain.limits().lower + margin,
             upper: chain.limits().upper - margin,
             velocity: safety.joint_velocity_max,
@@ -346,13 +343,17 @@ impl Shield {
             // What is made up for counts as approach, too.
             speed *= self.bounds(m).scale(&self.tool_velocity(&speed));
         }
-        let together = here
-            .together(&speed, &v.acceleration, &v.jerk, &v.side, v.dt)
-            .filter(|step| v.step_is_legal(here, step))
-            .map(|step| (step, v.brake_is_legal(&self.chain, here, &step, clearance)));
-        let (step, verified) = if let Some((step, Ok(verified))) = together {
-            (step, verified)
+        if let Some(slower) = self.slower(m, here) {
+            speed = slower;
+        }
+        let in_step = here.in_step(&speed, &v.acceleration, &v.jerk, v.dt);
+        let verified = v
+            .step_is_legal(here, &in_step)
+            .then(|| v.brake_is_legal(&self.chain, here, &in_step, clearance));
+        let (step, verified) = if let Some(Ok(verified)) = verified {
+            (in_step, verified)
         } else {
+            // At a wall the joints may still get along it one by one.
             let step = here.approaching(&speed, &v.brakes, v.dt);
             (step, v.brake_is_legal(&self.chain, here, &step, clearance)?)
         };

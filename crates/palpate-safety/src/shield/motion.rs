@@ -6,8 +6,8 @@ use palpate_spatial::{DOF, JointVector};
 
 use super::brake::Brake;
 
-/// Part of the limits for motion along the way; the rest is for what is across it.
-pub(crate) const MAIN: f64 = 0.8;
+/// Keeps what is at a limit by construction from being beyond it by rounding.
+const ROUNDING: f64 = 1.0 - 1e-12;
 
 /// Set-point with its first and second backward differences.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,36 +54,35 @@ impl Motion {
         next
     }
 
-    /// One tick towards the steady speed `v` with all joints in step, so that the tool keeps its direction.
+    /// One tick towards the steady speed `v` with all joints in step: the speed goes straight from what it is to `v`,
+    /// so that the tool's velocity stays between the two. Joint by joint, each as fast as it can, the tool would
+    /// swerve: at a reversal to several times the speed of either.
     ///
-    /// What there is of speed and acceleration along `v` follows one brake's law for the whole arm, within
-    /// [`MAIN`] of the limits; what is across it dies out joint by joint within the rest (`side`). None without
-    /// a direction. The sum may still break a limit: check it.
-    pub(crate) fn together(
+    /// One brake's law for the whole arm stops what is missing. An acceleration that points elsewhere is turned as
+    /// fast as every joint's jerk allows.
+    pub(crate) fn in_step(
         &self,
         v: &JointVector,
         acceleration: &JointVector,
         jerk: &JointVector,
-        side: &[Brake; DOF],
         dt: f64,
-    ) -> Option<Self> {
-        let square = v.norm_squared();
-        if !(square > 1e-18) {
-            return None;
-        }
-        let (speed, rise) = (self.v.dot(v) / square, self.a.dot(v) / square);
-        let per_unit = |limit: &JointVector| {
-            limit.zip_fold(v, f64::INFINITY, |least: f64, l, v| least.min(l / v.abs()))
+    ) -> Self {
+        let missing = self.v - v;
+        let square = missing.norm_squared();
+        let wanted = if square > 1e-18 {
+            let per_unit = |limit: &JointVector| {
+                limit.zip_fold(&missing, f64::INFINITY, |least: f64, l, m| least.min(l / m.abs()))
+            };
+            let most = per_unit(acceleration) * ROUNDING;
+            let along = (self.a.dot(&missing) / square).clamp(-most, most);
+            missing * Brake::new(most, per_unit(jerk), dt).step(1.0, along).1
+        } else {
+            JointVector::zeros()
         };
-        let path = Brake::new(MAIN * per_unit(acceleration), MAIN * per_unit(jerk), dt);
-        let (missing, next_rise) = path.step(speed - 1.0, rise);
-        let mut next = *self;
-        for (i, brake) in side.iter().enumerate() {
-            let (across, a) = brake.step(self.v[i] - speed * v[i], self.a[i] - rise * v[i]);
-            next.v[i] = across + (missing + 1.0) * v[i];
-            next.a[i] = a + next_rise * v[i];
-            next.q[i] += next.v[i] * dt;
-        }
-        Some(next)
+        let change = wanted - self.a;
+        let whole = change.zip_fold(jerk, 1.0, |part: f64, c, j| part.min(j * dt / c.abs()));
+        let a = self.a + change * (whole * ROUNDING);
+        let v = self.v + a * dt;
+        Self { q: self.q + v * dt, v, a }
     }
 }

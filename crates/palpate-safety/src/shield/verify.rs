@@ -21,8 +21,6 @@ const ROUNDING: f64 = 1.0 + 1e-12;
 pub(crate) struct Verifier {
     pub(crate) dt: f64,
     pub(crate) brakes: [Brake; DOF],
-    /// Weak brakes for what is across the way, see [`Motion::together`].
-    pub(crate) side: [Brake; DOF],
     pub(crate) lower: JointVector,
     pub(crate) upper: JointVector,
     pub(crate) velocity: JointVector,
@@ -160,7 +158,6 @@ mod tests {
         Verifier {
             dt: DT,
             brakes: [Brake::new(ACCELERATION, JERK, DT); DOF],
-            side: [Brake::new(0.2 * ACCELERATION, 0.2 * JERK, DT); DOF],
             lower: all(-3.0),
             upper: all(3.0),
             velocity: all(SPEED),

@@ -159,15 +159,19 @@ impl Shield {
     }
 
     /// |det J| at `q`, and the part of the speed that the way there is allowed: everything away from the
-    /// singularity, less and less towards it.
+    /// singularity, less and less towards it. What counts is where a brake from there would end: the nearer the
+    /// singularity, the faster the joints for the same speed of the tool.
     fn towards_singularity(&mut self, q: &JointVector) -> (f64, f64) {
         let measure = |q: &JointVector| {
             self.chain.kinematics(q).jacobian(Frame::BaseAligned).determinant().abs()
         };
         let from = self.manipulability.unwrap_or_else(|| measure(&self.target));
         let to = measure(q);
+        let brake =
+            self.motion().map_or(JointVector::zeros(), |m| m.v * (0.5 * self.stopping_time));
+        let end = measure(&(q + brake));
         let (slow, stop) = (self.config.singularity.slow_below, self.config.singularity.stop_below);
-        let scale = if to >= from { 1.0 } else { ((to - stop) / (slow - stop)).clamp(0.0, 1.0) };
+        let scale = if end >= from { 1.0 } else { ((end - stop) / (slow - stop)).clamp(0.0, 1.0) };
         (to, scale)
     }
 }

@@ -3,6 +3,7 @@
 //! A run of a study is a function of the study file and its index alone; what is done is not done again, and what was
 //! interrupted goes on. So Slurm arrays, Kubernetes indexed jobs, GNU parallel and make drive it unchanged.
 
+mod block;
 mod folder;
 mod one;
 mod plan;
@@ -192,6 +193,7 @@ struct PlanRow<'a> {
     penalty: bool,
     seed: u64,
     steps: u64,
+    demonstrations: u64,
     varied: String,
 }
 
@@ -207,6 +209,7 @@ impl<'a> PlanRow<'a> {
             penalty: run.penalty,
             seed: run.seed,
             steps: run.steps,
+            demonstrations: run.demonstrations,
             varied: run.variation(),
         }
     }

@@ -1,19 +1,20 @@
 //! One run of a study: train it or go on, judge it, write its rows.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 use palpate_env::Outcome as Ending;
 use palpate_runs::{BEST, CheckpointStore, LAST, RunDir};
 use palpate_sac::Policy;
 
 use super::folder::Folder;
-use super::plan::{Judging, Kind, Planned};
+use super::plan::{Kind, Planned, Study};
 use super::rows::{self, EVALUATION, JudgedRow, Outcome, RESULT, RunRow, TimeRow, rounded};
 use crate::baselines::Actor;
+use crate::demonstrate::{Options, record};
 use crate::evaluate::rollouts;
-use crate::stack::{Purpose, SimEnv, sim_env};
+use crate::stack::{Purpose, sim_env};
 use crate::{Config, interrupt, train};
 
 /// How an attempt ended.
@@ -39,6 +40,12 @@ pub(super) fn run(folder: &Folder, run: &Planned, threads: usize) -> anyhow::Res
                 train::go_on(&dir, &[threads_key])?;
             }
         }
+        Kind::Learned if run.demonstrations > 0 => {
+            let shown = show(&dir, run)?;
+            train::start_shown(&run.choice(&[threads_key]), &shown, Some(&dir))?;
+            // The run directory has its own.
+            std::fs::remove_file(&shown).context("the demonstrations")?;
+        }
         Kind::Learned => {
             train::start(&run.choice(&[threads_key]), Some(&dir))?;
         }
@@ -52,7 +59,7 @@ pub(super) fn run(folder: &Folder, run: &Planned, threads: usize) -> anyhow::Res
         return Ok(End::Interrupted);
     }
     let held = RunDir::open(&dir)?;
-    let Some(judged) = judge(&dir, run, folder.study.evaluation)? else {
+    let Some(judged) = judge(&dir, run, &folder.study)? else {
         return Ok(End::Interrupted);
     };
     rows::write(&dir.join(EVALUATION), &judged)?;
@@ -64,12 +71,70 @@ pub(super) fn run(folder: &Folder, run: &Planned, threads: usize) -> anyhow::Res
     Ok(End::Done)
 }
 
+/// Records what a run is shown, beside its folder, over what an attempt that was killed left there.
+fn show(dir: &Path, run: &Planned) -> anyhow::Result<PathBuf> {
+    let mut path = dir.as_os_str().to_owned();
+    path.push(".demo");
+    let path = PathBuf::from(path);
+    if path.exists() {
+        std::fs::remove_file(&path).context("the demonstrations")?;
+    }
+    if let Some(runs) = path.parent() {
+        std::fs::create_dir_all(runs).context("cannot make the folder of runs")?;
+    }
+    let config = Config::load(&run.choice(&[]))?;
+    let mut env = sim_env(&config, config.run.seed, Purpose::Demonstrate)?;
+    let mut script = Actor::scripted(&config, env.action_dim());
+    let options = Options { episodes: run.demonstrations, only_successes: true };
+    let account = record(&mut env, &mut script, &config, &options, &path, |_, _| {})?;
+    ensure!(
+        account.kept == run.demonstrations || interrupt::requested(),
+        "the script reached the goal in {} of {} episodes; {} demonstrations were asked for",
+        account.successes,
+        account.tried,
+        run.demonstrations
+    );
+    Ok(path)
+}
+
+/// What acts, and what the rows call it.
+type Named = (&'static str, &'static str, Actor);
+
 /// Fresh episodes, the same ones for every run of the study; `None` if interrupted.
-fn judge(dir: &Path, run: &Planned, how: Judging) -> anyhow::Result<Option<Vec<JudgedRow>>> {
-    let config = Config::of_run(dir, &[])?;
-    let mut env = sim_env(&config, how.seed, Purpose::Evaluate)?;
-    let dim = env.action_dim();
-    let mut actors = Vec::new();
+///
+/// Under a condition the last policy's mean action alone, or the baseline.
+fn judge(dir: &Path, run: &Planned, study: &Study) -> anyhow::Result<Option<Vec<JudgedRow>>> {
+    let how = study.evaluation;
+    let plain = ("", Vec::new());
+    let conditions = study.conditions.iter().map(|c| (c.name.as_str(), c.settings()));
+    let mut all = Vec::new();
+    for (condition, set) in std::iter::once(plain).chain(conditions) {
+        let config = Config::of_run(dir, &set)?;
+        let mut env = sim_env(&config, how.seed, Purpose::Evaluate)?;
+        for (policy, actions, mut actor) in actors(dir, run, &config, env.action_dim(), how.seed)? {
+            let side = (policy, actions) != ("last", "mean");
+            if !condition.is_empty() && run.kind == Kind::Learned && side {
+                continue;
+            }
+            let summaries = rollouts(&mut env, &mut actor, how.episodes, |_, _| {})?;
+            let named = (condition, policy, actions);
+            all.extend(summaries.iter().map(|summary| judged(run, named, summary)));
+            if interrupt::requested() {
+                return Ok(None);
+            }
+        }
+    }
+    Ok(Some(all))
+}
+
+fn actors(
+    dir: &Path,
+    run: &Planned,
+    config: &Config,
+    dim: usize,
+    seed: u64,
+) -> anyhow::Result<Vec<Named>> {
+    let mut actors: Vec<Named> = Vec::new();
     match run.kind {
         Kind::Learned => {
             for (name, slot) in [("last", LAST), ("kept", BEST)] {
@@ -79,46 +144,36 @@ fn judge(dir: &Path, run: &Planned, how: Judging) -> anyhow::Result<Option<Vec<J
                         .with_context(|| format!("cannot load the policy in {}", path.display()))
                 };
                 actors.push((name, "mean", Actor::learned(policy()?, None)));
-                actors.push((name, "sampled", Actor::learned(policy()?, Some(how.seed))));
+                actors.push((name, "sampled", Actor::learned(policy()?, Some(seed))));
             }
         }
         Kind::Zero => actors.push(("zero", "mean", Actor::zero(dim))),
-        Kind::Random => actors.push(("random", "sampled", Actor::random(dim, how.seed))),
-        Kind::Scripted => actors.push(("scripted", "mean", Actor::scripted(&config, dim))),
+        Kind::Random => actors.push(("random", "sampled", Actor::random(dim, seed))),
+        Kind::Scripted => actors.push(("scripted", "mean", Actor::scripted(config, dim))),
     }
-    let mut all = Vec::new();
-    for (policy, actions, mut actor) in actors {
-        all.extend(episodes(&mut env, &mut actor, run, (policy, actions), how.episodes)?);
-        if interrupt::requested() {
-            return Ok(None);
-        }
-    }
-    Ok(Some(all))
+    Ok(actors)
 }
 
-fn episodes(
-    env: &mut SimEnv,
-    actor: &mut Actor,
+fn judged(
     run: &Planned,
-    (policy, actions): (&str, &str),
-    episodes: u64,
-) -> anyhow::Result<Vec<JudgedRow>> {
-    let is = |ending: Ending, what: Ending| u8::from(ending == what);
-    let summaries = rollouts(env, actor, episodes, |_, _| {})?;
-    let row = |s: &palpate_env::Summary| JudgedRow {
+    (condition, policy, actions): (&str, &str, &str),
+    s: &palpate_env::Summary,
+) -> JudgedRow {
+    let is = |what: Ending| u8::from(s.outcome == what);
+    JudgedRow {
         run: run.id.clone(),
+        condition: condition.into(),
         policy: policy.into(),
         actions: actions.into(),
         episode: s.episode,
-        success: is(s.outcome, Ending::Success),
-        collision: is(s.outcome, Ending::Collision),
+        success: is(Ending::Success),
+        collision: is(Ending::Collision),
         total: rounded(s.total_reward),
         length: s.steps.into(),
         seconds: rounded(s.seconds),
         peak_force: rounded(s.peak_force),
         mean_force: rounded(s.mean_force),
-    };
-    Ok(summaries.iter().map(row).collect())
+    }
 }
 
 fn read(path: &Path) -> Option<serde_json::Value> {
@@ -139,6 +194,7 @@ fn row(run: &Planned, dir: &Path) -> anyhow::Result<RunRow> {
         policy: run.kind,
         penalty: run.penalty,
         seed: run.seed,
+        demonstrations: run.demonstrations,
         steps: number("steps").unwrap_or(0),
         varied: run.variation(),
         episodes: number("episodes").unwrap_or(0),

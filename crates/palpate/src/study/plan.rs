@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context as _, bail, ensure};
-use toml::{Table, Value};
+use toml::Table;
 
+use super::block::Block;
 use crate::Config;
 use crate::config::{Choice, STUDIES};
 use crate::flat::flat;
@@ -19,13 +20,16 @@ pub(super) struct Study {
     #[serde(default)]
     pub(super) about: String,
     #[serde(default = "default_preset")]
-    preset: String,
+    pub(super) preset: String,
     /// Settings of all runs.
     #[serde(default)]
-    set: Table,
+    pub(super) set: Table,
     /// How a finished run is judged.
     #[serde(default)]
     pub(super) evaluation: Judging,
+    /// Under what else it is judged.
+    #[serde(default)]
+    pub(super) conditions: Vec<Condition>,
     /// Blocks of runs.
     runs: Vec<Block>,
 }
@@ -50,59 +54,18 @@ impl Default for Judging {
     }
 }
 
-/// Every combination of what its lists hold.
+/// A change of the world under which every finished policy is judged once more.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Block {
-    name: String,
-    task: Many<String>,
-    model: Many<String>,
-    /// `learned`, or a baseline: `zero`, `random`, `scripted`.
-    #[serde(default = "learned")]
-    policy: Many<Kind>,
-    /// Whether a violation is punished (κ = −10) or not (κ = 0).
-    #[serde(default = "punished")]
-    penalty: Many<bool>,
-    #[serde(default = "first")]
-    seeds: Many<u64>,
-    /// Environment steps of a learned policy.
-    #[serde(default)]
-    steps: u64,
-    /// Settings of this block.
-    #[serde(default)]
+pub(super) struct Condition {
+    pub(super) name: String,
     set: Table,
-    /// Keys with lists of values to try.
-    #[serde(default)]
-    vary: Table,
 }
 
-/// One value, or a list of them.
-#[derive(Clone, Debug, PartialEq, serde::Deserialize)]
-#[serde(untagged)]
-enum Many<T> {
-    One(T),
-    List(Vec<T>),
-}
-
-impl<T: Clone> Many<T> {
-    fn list(&self) -> Vec<T> {
-        match self {
-            Self::One(value) => vec![value.clone()],
-            Self::List(values) => values.clone(),
-        }
+impl Condition {
+    pub(super) fn settings(&self) -> Vec<String> {
+        settings(&self.set)
     }
-}
-
-fn learned() -> Many<Kind> {
-    Many::One(Kind::Learned)
-}
-
-fn punished() -> Many<bool> {
-    Many::One(true)
-}
-
-fn first() -> Many<u64> {
-    Many::One(1)
 }
 
 /// What acts.
@@ -133,10 +96,12 @@ pub(super) struct Planned {
     pub(super) penalty: bool,
     pub(super) seed: u64,
     pub(super) steps: u64,
+    /// Episodes it is shown.
+    pub(super) demonstrations: u64,
     /// What its block tries: key and value.
     pub(super) varied: Vec<(String, String)>,
-    preset: String,
-    set: Vec<String>,
+    pub(super) preset: String,
+    pub(super) set: Vec<String>,
 }
 
 impl Planned {
@@ -197,7 +162,7 @@ impl Study {
     pub(super) fn plan(&self) -> anyhow::Result<Vec<Planned>> {
         let mut all = Vec::new();
         for block in &self.runs {
-            for seed in block.seeds.list() {
+            for seed in block.seeds() {
                 block.runs(self, seed, &mut all)?;
             }
         }
@@ -208,97 +173,33 @@ impl Study {
                     run.id
                 );
             }
-            Config::load(&run.choice(&[])).with_context(|| format!("run {}", run.id))?;
+            let with = |set: &[String]| Config::load(&run.choice(set));
+            with(&[]).with_context(|| format!("run {}", run.id))?;
+            for condition in &self.conditions {
+                with(&condition.settings())
+                    .with_context(|| format!("run {} under {:?}", run.id, condition.name))?;
+            }
+        }
+        for (i, condition) in self.conditions.iter().enumerate() {
+            let before = self.conditions.get(..i).unwrap_or_default();
+            ensure!(
+                !condition.name.is_empty() && before.iter().all(|c| c.name != condition.name),
+                "every condition needs a name of its own: {:?}",
+                condition.name
+            );
         }
         ensure!(!all.is_empty(), "the study has no runs");
         Ok(all)
     }
 }
 
-impl Block {
-    fn runs(&self, study: &Study, seed: u64, all: &mut Vec<Planned>) -> anyhow::Result<()> {
-        let settings = |table: &Table| -> Vec<String> {
-            flat(table).into_iter().map(|(key, value)| format!("{key}={value}")).collect()
-        };
-        let set = [settings(&study.set), settings(&self.set)].concat();
-        let (tasks, models) = (self.task.list(), self.model.list());
-        let (kinds, penalties) = (self.policy.list(), self.penalty.list());
-        for task in &tasks {
-            for varied in self.variations()? {
-                for model in &models {
-                    for kind in &kinds {
-                        for penalty in &penalties {
-                            if *kind == Kind::Learned && self.steps == 0 {
-                                bail!("block {}: `steps` is missing", self.name);
-                            }
-                            let mut words = vec![self.name.clone()];
-                            words.extend((tasks.len() > 1).then(|| task.clone()));
-                            words.push(model.clone());
-                            words.extend((*kind != Kind::Learned).then(|| format!("{kind:?}")));
-                            if penalties.len() > 1 {
-                                words.push(if *penalty { "penalty" } else { "free" }.into());
-                            }
-                            words.extend(varied.iter().map(|(key, value)| {
-                                let key = key.rsplit('.').next().unwrap_or_default();
-                                format!("{key}-{value}")
-                            }));
-                            words.push(format!("s{seed}"));
-                            all.push(Planned {
-                                id: slug(&words.join("_")),
-                                block: self.name.clone(),
-                                task: task.clone(),
-                                model: model.clone(),
-                                kind: *kind,
-                                penalty: *penalty,
-                                seed,
-                                steps: if *kind == Kind::Learned { self.steps } else { 0 },
-                                varied: varied.clone(),
-                                preset: study.preset.clone(),
-                                set: set.clone(),
-                            });
-                        }
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Every combination of the varied keys' values; one empty one if there are none.
-    fn variations(&self) -> anyhow::Result<Vec<Vec<(String, String)>>> {
-        let mut combinations = vec![Vec::new()];
-        let mut keys = Vec::new();
-        lists("", &self.vary, &mut keys).with_context(|| format!("block {}: `vary`", self.name))?;
-        for (key, values) in keys {
-            let with = |before: &Vec<(String, String)>| -> Vec<_> {
-                let add = |value: &Value| {
-                    let mut all = before.clone();
-                    all.push((key.clone(), value.to_string()));
-                    all
-                };
-                values.iter().map(add).collect()
-            };
-            combinations = combinations.iter().flat_map(with).collect();
-        }
-        Ok(combinations)
-    }
-}
-
-/// Keys that hold a list.
-fn lists(prefix: &str, table: &Table, found: &mut Vec<(String, Vec<Value>)>) -> anyhow::Result<()> {
-    for (key, value) in table {
-        let key = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-        match value {
-            Value::Table(inner) => lists(&key, inner, found)?,
-            Value::Array(values) if !values.is_empty() => found.push((key, values.clone())),
-            _ => bail!("{key} must be a list of the values to try"),
-        }
-    }
-    Ok(())
+/// A table as `key=value`.
+pub(super) fn settings(table: &Table) -> Vec<String> {
+    flat(table).into_iter().map(|(key, value)| format!("{key}={value}")).collect()
 }
 
 /// A name as a folder's: everything but letters, digits, `-`, `_` and `.` becomes `-`.
-fn slug(name: &str) -> String {
+pub(super) fn slug(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' };
     name.chars().map(plain).collect()
 }
@@ -329,13 +230,23 @@ name = "base"
 task = ["peg-insertion", "ring-insertion"]
 model = "P-14"
 policy = ["zero", "scripted"]
+[[runs]]
+name = "shown"
+task = "peg-insertion"
+model = "P-14"
+steps = 300
+demonstrations = 10
+[[conditions]]
+name = "slippery"
+set = { sim.friction = 0.1 }
 "#;
 
     #[test]
     fn a_study_is_every_combination_seed_after_seed() {
         let plan = Study::parse(TEXT).unwrap().plan().unwrap();
         let ids: Vec<&str> = plan.iter().map(|run| run.id.as_str()).collect();
-        assert_eq!(ids.len(), 2 * 2 * 2 + 4 + 4);
+        assert_eq!(ids.len(), 2 * 2 * 2 + 4 + 4 + 1);
+        assert_eq!((plan[15].demonstrations, plan[16].demonstrations), (0, 10));
         assert_eq!(
             ids[..4],
             [
@@ -372,6 +283,8 @@ policy = ["zero", "scripted"]
             said(&TEXT.replace("seeds = [1, 2]", "seeds = [1, 1]")).contains("two runs called")
         );
         assert!(said(&TEXT.replace("model = \"P-14\"", "mode = \"P-14\"")).contains("mode"));
+        assert!(said(&TEXT.replace("sim.friction", "sim.fiction")).contains("under \"slippery\""));
+        assert!(said(&TEXT.replace("\"slippery\"", "\"\"")).contains("a name of its own"));
         assert!(said("name = \"a/b\"\nruns = []").contains("names a folder"));
     }
 

@@ -23,6 +23,9 @@ pub(super) struct RunRow {
     pub(super) policy: super::plan::Kind,
     pub(super) penalty: bool,
     pub(super) seed: u64,
+    /// Episodes it was shown before it began.
+    #[serde(default)]
+    pub(super) demonstrations: u64,
     /// Environment steps taken.
     pub(super) steps: u64,
     /// Keys and values that the block tries.
@@ -69,6 +72,9 @@ pub(super) struct EpisodeRow {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct JudgedRow {
     pub(super) run: String,
+    /// What was changed about the world; nothing if empty.
+    #[serde(default)]
+    pub(super) condition: String,
     /// `last`, `kept`, or a baseline's name.
     pub(super) policy: String,
     /// `mean` or `sampled` actions.

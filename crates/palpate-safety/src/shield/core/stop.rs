@@ -11,9 +11,25 @@ use crate::shield::motion::Motion;
 use crate::shield::retreat::Retreat;
 use crate::{Excess, Measurement, Verdict};
 
+/// Joint speed, rad/s, below which each joint stops by itself: its own law lands exactly.
+const SLOW: f64 = 1e-3;
+
 impl Shield {
-    /// One tick of the brake that was verified with the last accepted step.
+    /// One tick of braking: all joints in step where that is legal, so that the tool does not swerve, and in any case
+    /// the brake that was verified with the last accepted step.
     pub(super) fn brake(&mut self, here: &Motion) -> JointVector {
+        let v = &self.verifier;
+        if here.v.norm() > SLOW {
+            let rest = JointVector::zeros();
+            let step = here.in_step(&rest, &v.acceleration, &v.jerk, v.dt);
+            if v.step_is_legal(here, &step)
+                && let Ok(verified) =
+                    v.brake_is_legal(&self.chain, here, &step, self.clearance(here))
+            {
+                self.settle(step, step.q, None, None, verified);
+                return step.q;
+            }
+        }
         let motion = here.braked(&self.verifier.brakes, self.verifier.dt);
         (self.motion, self.clearance) = (Some(motion), None);
         self.stopping_time = (self.stopping_time - self.verifier.dt).max(0.0);
@@ -21,9 +37,14 @@ impl Shield {
         motion.q
     }
 
-    /// How fast the tool may move now.
+    /// How fast the tool may be told to move now.
     pub(in crate::shield) fn bounds(&self, m: &Measurement) -> Bounds {
-        let limit = self.config.force.aim_ratio * self.guard.soft().force;
+        self.bounds_to(m, self.config.force.aim_ratio)
+    }
+
+    /// How fast it may move if the force is to stay within this part of its limit.
+    fn bounds_to(&self, m: &Measurement, part: f64) -> Bounds {
+        let limit = part * self.guard.soft().force;
         self.headroom.bounds(&m.raw_wrench, &m.wrench, limit, self.stopping_time)
     }
 
@@ -38,6 +59,24 @@ impl Shield {
         [&m.raw_wrench, &m.wrench].iter().fold(*turn, |turn, wrench| {
             self.headroom.turned(wrench, &limits, self.stopping_time, velocity, &turn)
         })
+    }
+
+    /// Joint speeds that take from the tool's approach what would exceed the force limit, and as little else as
+    /// possible: that comes before everything else, the tool's direction included. None if nothing is too fast.
+    pub(super) fn slower(&self, m: &Measurement, here: &Motion) -> Option<JointVector> {
+        let J = self.chain.kinematics(&here.q).jacobian(Frame::BaseAligned);
+        let bounds = self.bounds_to(m, 0.5 * (1.0 + self.config.force.aim_ratio));
+        let mut speed = here.v;
+        for axis in 0..3 {
+            let row: JointVector = J.row(axis).transpose();
+            let now = row.dot(&speed);
+            let within = now.max(bounds.lower[axis]).min(bounds.upper[axis]);
+            if within != now {
+                let strong = row.component_mul(&self.verifier.acceleration);
+                speed += strong * ((within - now) / row.dot(&strong));
+            }
+        }
+        (speed != here.v).then_some(speed)
     }
 
     /// Velocity of the tool centre point at the target for joint speeds, m/s, base axes.

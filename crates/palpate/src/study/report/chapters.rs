@@ -6,12 +6,10 @@ use super::document::{Chapter, Item};
 use super::evolution::Motion;
 use super::group::{Group, dash, groups};
 use super::orderings::{CONTRADICTED, HOLDS, OPEN, claims, compared};
+use super::variations::{self, SETTLED};
 use super::{figures, paper, policies};
 use crate::study::folder::Folder;
 use crate::study::rows::Rows;
-
-/// Exploration is over.
-const SETTLED: u64 = 10_000;
 
 /// All chapters.
 pub(super) fn all(folder: &Folder, rows: &Rows, motions: &[Motion]) -> Vec<Chapter> {
@@ -27,7 +25,8 @@ pub(super) fn all(folder: &Folder, rows: &Rows, motions: &[Motion]) -> Vec<Chapt
         policies::on_the_way(&plain),
         orderings(&plain),
         policies::baselines(&all),
-        policies::sensitivity(&learned),
+        variations::settings(&learned),
+        variations::conditions(&all),
         policies::policies(motions),
     ]
 }

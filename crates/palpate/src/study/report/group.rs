@@ -47,10 +47,14 @@ impl<'a> Group<'a> {
     }
 
     pub(super) fn name(&self) -> String {
-        let RunRow { model, penalty, varied, .. } = self.first;
+        let RunRow { model, penalty, varied, demonstrations, .. } = self.first;
         let penalty = if *penalty { "" } else { ", no penalty" };
+        let shown = match demonstrations {
+            0 => String::new(),
+            n => format!(", {n} demonstrations"),
+        };
         let varied = if varied.is_empty() { String::new() } else { format!(", {varied}") };
-        format!("{model}{penalty}{varied}")
+        format!("{model}{penalty}{shown}{varied}")
     }
 
     pub(super) fn seeds(&self) -> usize {
@@ -65,9 +69,20 @@ impl<'a> Group<'a> {
 
     /// Judged episodes of all its runs, of one policy and kind of action.
     pub(super) fn judged(&self, policy: &str, actions: &str) -> Vec<&'a JudgedRow> {
+        self.judged_under("", policy, actions)
+    }
+
+    /// The same in a changed world.
+    pub(super) fn judged_under(
+        &self,
+        condition: &str,
+        policy: &str,
+        actions: &str,
+    ) -> Vec<&'a JudgedRow> {
         let ours = |e: &&JudgedRow| self.runs.iter().any(|run| run.run == e.run);
         let rows = self.rows.judged.iter().filter(ours);
-        rows.filter(|e| e.policy == policy && e.actions == actions).collect()
+        rows.filter(|e| e.condition == condition && e.policy == policy && e.actions == actions)
+            .collect()
     }
 
     /// Collisions of each run from one step to another.

@@ -10,6 +10,7 @@ mod group;
 mod orderings;
 mod paper;
 mod policies;
+mod variations;
 
 use std::path::PathBuf;
 

@@ -162,6 +162,7 @@ mod tests {
             policy: Kind::Learned,
             penalty,
             seed,
+            demonstrations: 0,
             steps: 100,
             varied: String::new(),
             episodes: 10,

@@ -1,17 +1,20 @@
 //! The chapters about the policies: finished ones, those on the way, baselines, and what they do.
 
-use palpate_runs::stats::mean;
-
 use super::document::Chapter;
 use super::evolution::{self, Motion};
-use super::figures;
 use super::group::{Group, dash, median, middle, success};
-use crate::study::rows::{JudgedRow, RunRow};
+use super::variations::at;
+use crate::study::rows::JudgedRow;
 
 /// Steps at which success during the training is tabled.
 const MARKS: [u64; 4] = [5_000, 10_000, 20_000, 50_000];
 
-fn numbers(episodes: &[&JudgedRow], of: fn(&JudgedRow) -> f64, succeeded: bool) -> Vec<f64> {
+/// A number of each judged episode, or of those that succeeded.
+pub(super) fn numbers(
+    episodes: &[&JudgedRow],
+    of: fn(&JudgedRow) -> f64,
+    succeeded: bool,
+) -> Vec<f64> {
     episodes.iter().filter(|e| !succeeded || e.success == 1).map(|e| of(e)).collect()
 }
 
@@ -74,20 +77,12 @@ pub(super) fn on_the_way(groups: &[&Group<'_>]) -> Chapter {
          the runs that got there.",
     );
     let row = |g: &&Group<'_>| {
-        let at = |step: &u64| {
-            let of = g.success_at(*step);
-            let worst = of.iter().copied().reduce(f64::min);
-            match (mean(&of), worst) {
-                (Some(m), Some(w)) => format!("{:.0} / {:.0} %", 100.0 * m, 100.0 * w),
-                _ => "–".into(),
-            }
-        };
         let first: Vec<f64> =
             g.runs.iter().filter_map(|run| run.first_success_step).map(|s| s as f64).collect();
         let able = g.first_at(0.9);
         let mut cells =
             vec![g.first.block.clone(), g.first.task.clone(), g.name(), g.seeds().to_string()];
-        cells.extend(MARKS.iter().map(at));
+        cells.extend(MARKS.iter().map(|step| at(g, *step)));
         cells.push(dash(median(&first), 0));
         cells.push(format!("{} ({} of {})", dash(median(&able), 0), able.len(), g.seeds()));
         cells.push(middle(&g.areas(), 2));
@@ -145,51 +140,6 @@ pub(super) fn baselines(groups: &[Group<'_>]) -> Chapter {
         &["task", "model", "policy", "success", "time, s", "peak force, N", "collisions"],
         rows,
     );
-    chapter
-}
-
-pub(super) fn sensitivity(groups: &[&Group<'_>]) -> Chapter {
-    let mut chapter = Chapter::new("What the paper does not print");
-    let mut keys: Vec<String> = groups
-        .iter()
-        .flat_map(|g| g.first.varied.split(' '))
-        .filter_map(|pair| pair.split_once('=').map(|(key, _)| key.to_owned()))
-        .collect();
-    keys.sort();
-    keys.dedup();
-    if keys.is_empty() {
-        return chapter;
-    }
-    chapter.text("Filter, force limit and stiffness, one at a time around the preset. Collisions per 1,000 steps and success of the last policy:");
-    let row = |g: &&Group<'_>| {
-        vec![
-            g.first.varied.clone(),
-            g.seeds().to_string(),
-            format!("{:.2}", g.collision_rate()),
-            success(&g.judged("last", "mean")),
-            dash(median(&numbers(&g.judged("last", "mean"), |e| e.peak_force, false)), 1),
-        ]
-    };
-    let varied: Vec<&Group<'_>> =
-        groups.iter().copied().filter(|g| !g.first.varied.is_empty()).collect();
-    chapter.table(
-        &[
-            "setting",
-            "runs",
-            "collisions per 1,000 steps",
-            "success of the last policy",
-            "peak force, N, median",
-        ],
-        varied.iter().map(row).collect(),
-    );
-    for key in &keys {
-        let rate = |g: &Group<'_>| -> Vec<f64> {
-            let of = |run: &&RunRow| 1e3 * run.collisions as f64 / run.steps.max(1) as f64;
-            g.runs.iter().map(of).collect()
-        };
-        let svg = figures::sensitivity(key, "collisions per 1,000 steps", &varied, rate);
-        chapter.figure(&format!("sensitivity-{}.svg", key.replace('.', "-")), svg, key);
-    }
     chapter
 }
 
