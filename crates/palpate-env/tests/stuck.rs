@@ -70,9 +70,13 @@ fn stuck(simulated: bool) -> Stuck {
     Stuck { arm, simulated, glued_at: None }
 }
 
+fn force_first(preset: &mut rig::Preset, _: &mut palpate_env::TaskConfig) {
+    preset.safety.mode = Mode::ForceFirst;
+}
+
 #[test]
 fn a_simulated_tool_that_is_stuck_gets_a_fresh_world() {
-    let mut env = rig::env(stuck(true), "p-14", 1, |_, _| {});
+    let mut env = rig::env(stuck(true), "p-14", 1, force_first);
     env.reset().unwrap();
     assert_eq!(env.rebuilt(), 1);
     let start = env.task().draw(1, 0).base_T_start;
@@ -83,7 +87,7 @@ fn a_simulated_tool_that_is_stuck_gets_a_fresh_world() {
 
 #[test]
 fn an_arm_whose_tool_is_stuck_is_left_to_a_person() {
-    let mut env = rig::env(stuck(false), "p-14", 1, |_, _| {});
+    let mut env = rig::env(stuck(false), "p-14", 1, force_first);
     assert!(matches!(env.reset(), Err(EnvError::ResetForce(_))));
     assert_eq!(env.rebuilt(), 0);
 }

@@ -31,7 +31,7 @@ pub const TASKS: Assets = assets!(
 /// Policy models, by name.
 pub const MODELS: Assets = assets!("policies", "toml": "p-6", "p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18");
 /// Studies, by name.
-pub const STUDIES: Assets = assets!("studies", "toml": "paper");
+pub const STUDIES: Assets = assets!("studies", "toml": "paper", "learner", "tight", "conditions");
 /// Robot descriptions, by name.
 pub const ROBOTS: Assets = assets!("robots", "urdf": "ur3e", "ur5e", "ur10e");
 

@@ -300,7 +300,12 @@ fn collisions_are_remembered_where_danger_has_a_share() {
     let dir = tempfile::tempdir().unwrap();
     let run = |name: &str, steps: &str, more: &[&str]| {
         let out = dir.path().join(name);
-        let set = [&SMALL[..], &["safety.force_max=2.0", steps, "run.seed=3"], more].concat();
+        let set = [
+            &SMALL[..],
+            &["safety.mode=force-first", "safety.force_max=2.0", steps, "run.seed=3"],
+            more,
+        ]
+        .concat();
         train::start(&choice(&set), Some(&out)).unwrap();
         out
     };

@@ -56,7 +56,9 @@ fn a_success_is_recorded_sample_by_sample_and_thinned_on_request() {
         assert_eq!(recorder.finish(), [""; 0]);
         let (topics, said) = contents(&dir.path().join("a-script_000_success.mcap"));
         let (actions, joints) = (topics["/action"], topics["/joints"]);
-        assert!((joints as f64 - per_action * actions as f64).abs() <= 1.0, "{topics:?}");
+        // And what the arm takes to stop.
+        let more = joints as f64 - per_action * actions as f64;
+        assert!((-1.0..25.0).contains(&more), "{topics:?}");
         for topic in ["/joints/target", "/wrench", "/wrench/unfiltered", "/error", "/tool/pose"] {
             assert_eq!(topics[topic], joints, "{topic}");
         }
@@ -70,7 +72,8 @@ fn a_success_is_recorded_sample_by_sample_and_thinned_on_request() {
 #[test]
 fn a_collision_tells_its_cause_and_tapes_are_used_again() {
     let dir = tempfile::tempdir().unwrap();
-    let config = config(&["safety.force_max=4.0", "record.collisions=3"]);
+    let config =
+        config(&["safety.mode=force-first", "safety.force_max=4.0", "record.collisions=3"]);
     let mut env = sim_env(&config, 7, Purpose::Train).unwrap();
     let mut recorder = Recorder::new(&config, dir.path()).unwrap();
     recorder.load(&mut env);

@@ -14,6 +14,7 @@ fn trained(dir: &Path, name: &str, seed: u64) -> PathBuf {
         "run.evaluate_episodes=1",
         "run.checkpoint_every=60",
         "env.max_steps=30",
+        "safety.mode=force-first",
         "safety.force_max=6.0",
         "sac.hidden=[8]",
         "sac.start_training=16",
