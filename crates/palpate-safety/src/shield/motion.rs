@@ -86,3 +86,75 @@ impl Motion {
         Self { q: self.q + v * dt, v, a }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const DT: f64 = 0.002;
+
+    fn limits() -> (JointVector, JointVector) {
+        let acceleration = [15.0, 15.0, 15.0, 30.0, 30.0, 30.0].into();
+        (acceleration, JointVector::from_element(3000.0))
+    }
+
+    fn joints(size: f64) -> impl Strategy<Value = JointVector> {
+        prop::array::uniform6(-size..size).prop_map(JointVector::from)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+
+        /// From a steady speed every joint goes the same part of its way in every tick, forward only, as fast as the
+        /// slowest may: the tool's velocity stays between the two.
+        #[test]
+        fn from_a_steady_speed_it_goes_straight(from in joints(2.0), to in joints(2.0)) {
+            let (acceleration, jerk) = limits();
+            let (mut here, way) = (Motion { v: from, ..Motion::at_rest(JointVector::zeros()) }, to - from);
+            let (mut part, mut ticks) = (0.0, 0);
+            let mut used = 0.0f64;
+            while part < 1.0 - 1e-9 {
+                let next = here.in_step(&to, &acceleration, &jerk, DT);
+                let now = (next.v - from).dot(&way) / way.norm_squared();
+                prop_assert!((next.v - from - way * now).amax() < 1e-9, "off the line");
+                prop_assert!(now > part && now < 1.0 + 1e-9, "{} after {}", now, part);
+                prop_assert!((next.q - here.q - next.v * DT).amax() < 1e-15);
+                prop_assert!((next.v - here.v - next.a * DT).amax() < 1e-12);
+                used = used.max(next.a.component_div(&acceleration).amax());
+                (here, part, ticks) = (next, now, ticks + 1);
+            }
+            // The time of the joint that needs longest, by its own brake.
+            let least = (0..DOF)
+                .map(|i| Brake::new(acceleration[i], jerk[i], DT).stopping_time(way[i], 0.0))
+                .fold(0.0, f64::max);
+            prop_assert!(f64::from(ticks) * DT <= least + 4.0 * DT, "{} ticks, {} s", ticks, least);
+            prop_assert!(used > 0.5 || way.amax() < 0.5, "{}", used);
+        }
+
+        /// From any motion, and to a wish that moves, no limit is exceeded.
+        #[test]
+        fn it_keeps_acceleration_and_jerk(
+            v in joints(2.0),
+            a in joints(15.0),
+            wishes in prop::collection::vec(joints(2.0), 1..20),
+        ) {
+            let (acceleration, jerk) = limits();
+            let mut here = Motion { q: JointVector::zeros(), v, a };
+            for wish in &wishes {
+                for _ in 0..4 {
+                    let next = here.in_step(wish, &acceleration, &jerk, DT);
+                    prop_assert!((0..DOF).all(|i| {
+                        next.a[i].abs() <= acceleration[i]
+                            && (next.a[i] - here.a[i]).abs() <= jerk[i] * DT
+                    }), "{:?} after {:?}", next, here);
+                    here = next;
+                }
+            }
+            for _ in 0..400 {
+                here = here.in_step(&wishes[0], &acceleration, &jerk, DT);
+            }
+            prop_assert!((here.v - wishes[0]).amax() < 1e-9 && here.a.amax() < 1e-6, "{:?}", here);
+        }
+    }
+}

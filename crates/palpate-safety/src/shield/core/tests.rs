@@ -97,6 +97,41 @@ fn a_brake_under_way_leaves_less_and_less_time_to_count() {
     assert_eq!(shield.stopping_time, 0.0);
 }
 
+/// What would exceed the limit is taken off, by the joints that move that axis most for their strength; half of what
+/// is kept back for the unforeseen may be used first.
+#[test]
+fn an_approach_that_is_too_fast_is_slowed_before_anything_else() {
+    let shield = moving();
+    let here = *shield.motion().unwrap();
+    let allowed =
+        |force: f64| (0.875 * 25.0 - force) / (1.0e4 * (0.03 + 0.5 * shield.stopping_time));
+    let up = |speed: &JointVector| shield.tool_velocity(speed).z;
+    // Downwards force against it, more and more.
+    let mut slowed = 0;
+    for force in 0..21 {
+        let force = f64::from(force);
+        let said = shield.slower(&sample(&shield, Vector3::z() * -force), &here);
+        if up(&here.v) <= allowed(force) {
+            assert_eq!(said, None, "{force}");
+            continue;
+        }
+        let said = said.unwrap();
+        slowed += 1;
+        assert!((up(&said) - allowed(force)).abs() < 1e-9, "{force}");
+        let J = shield.chain.kinematics(&here.q).jacobian(Frame::BaseAligned);
+        let cheapest: JointVector =
+            J.row(2).transpose().component_mul(&shield.verifier.acceleration);
+        let change = said - here.v;
+        assert!((change.dot(&cheapest).abs() - change.norm() * cheapest.norm()).abs() < 1e-9);
+        // Force that pulls where it goes anyway is no reason.
+        assert_eq!(shield.slower(&sample(&shield, Vector3::z() * force), &here), None);
+    }
+    assert!((5..20).contains(&slowed), "{slowed}");
+    // Beyond the limit it is to stand still.
+    let said = shield.slower(&sample(&shield, Vector3::z() * -30.0), &here).unwrap();
+    assert!(up(&said).abs() < 1e-12);
+}
+
 #[test]
 fn the_tools_velocity_is_the_difference_of_its_places() {
     let shield = moving();
