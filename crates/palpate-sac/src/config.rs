@@ -131,6 +131,10 @@ pub struct SacConfig {
     /// (RLPD). Rows are rounded down. Files from before this key are read as 0.
     #[serde(default)]
     pub demonstration_share: f64,
+    /// Steps of the run's own over which that part falls evenly to nothing; 0: it stays. Files from before this key
+    /// are read as 0.
+    #[serde(default)]
+    pub demonstration_steps: usize,
     /// Part of every batch that is drawn from the last steps before violations once there was one; 0: none are
     /// kept apart. Files from before this key are read as 0.
     #[serde(default)]
@@ -171,6 +175,7 @@ impl Default for SacConfig {
             warmup_steps: 0,
             start_training: 128,
             demonstration_share: 0.0,
+            demonstration_steps: 0,
             danger_share: 0.0,
             danger_steps: danger_steps(),
         }

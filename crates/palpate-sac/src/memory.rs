@@ -22,6 +22,7 @@ pub(crate) struct Memory {
     /// The last steps before violations, a second time.
     pub(crate) danger: Part,
     danger_steps: usize,
+    demonstration_steps: usize,
 }
 
 /// A replay with its share of every batch.
@@ -42,6 +43,7 @@ impl Memory {
             demonstrations: Part { share: config.demonstration_share, replay: replay(FOR_GOOD) },
             danger: Part { share: config.danger_share, replay: replay(config.replay_capacity) },
             danger_steps: config.danger_steps,
+            demonstration_steps: config.demonstration_steps,
         }
     }
 
@@ -57,8 +59,10 @@ impl Memory {
 
     /// So many stored steps: of each part its share, rounded down, of the run's own the rest.
     pub(crate) fn draw(&self, rows: usize, rng: &mut ChaCha8Rng) -> Vec<Drawn<'_>> {
-        let of = |part: &Part| if part.replay.len() > 0 { part.rows(rows) } else { 0 };
-        let (shown, danger) = (of(&self.demonstrations), of(&self.danger));
+        let of = |part: &Part, rows: f64| if part.replay.len() > 0 { part.rows(rows) } else { 0 };
+        let all = rows as f64;
+        let shown = of(&self.demonstrations, all * self.demonstrations_left());
+        let danger = of(&self.danger, all);
         let mut drawn = Vec::with_capacity(rows);
         for (replay, count) in [
             (&self.own, rows.saturating_sub(shown + danger)),
@@ -71,9 +75,19 @@ impl Memory {
     }
 }
 
+impl Memory {
+    /// The part of the demonstrations' share that is left: it falls evenly as the run learns for itself.
+    fn demonstrations_left(&self) -> f64 {
+        match self.demonstration_steps {
+            0 => 1.0,
+            steps => (1.0 - self.own.len() as f64 / steps as f64).max(0.0),
+        }
+    }
+}
+
 impl Part {
-    fn rows(&self, of: usize) -> usize {
-        (self.share * of as f64).floor() as usize
+    fn rows(&self, of: f64) -> usize {
+        (self.share * of).floor() as usize
     }
 }
 
@@ -125,6 +139,17 @@ mod tests {
         assert_eq!(counts(&memory), [64, 64, 0]);
         memory.remember_danger();
         assert_eq!(counts(&memory), [52, 64, 12]);
+    }
+
+    #[test]
+    fn what_was_shown_fades_as_the_run_learns_for_itself() {
+        let mut memory = memory(0.5, 0.1);
+        memory.demonstration_steps = 8;
+        memory.demonstrations.replay.push(&step(2.0, true));
+        for shown in [56, 48, 40, 32, 24, 16, 8, 0, 0] {
+            memory.own.push(&step(1.0, true));
+            assert_eq!(counts(&memory), [128 - shown, shown, 0]);
+        }
     }
 
     #[test]
