@@ -154,7 +154,7 @@ impl Default for SacConfig {
             ops: Ops::Fused,
             device: Processor::Cpu,
             threads: 0,
-            hidden: vec![256, 256],
+            hidden: vec![128, 128],
             critic_layer_norm: true,
             gamma: 0.98,
             n_step: 5,
@@ -337,7 +337,7 @@ mod tests {
             .lines()
             .filter(|line| !["demonstration_", "danger_"].iter().any(|new| line.starts_with(new)))
             .collect();
-        assert_eq!(old.len(), text.lines().count() - 3);
+        assert_eq!(old.len(), text.lines().count() - 4);
         assert_eq!(toml::from_str::<SacConfig>(&old.join("\n")).unwrap(), SacConfig::default());
     }
 

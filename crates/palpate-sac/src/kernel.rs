@@ -216,7 +216,8 @@ mod tests {
                 }
                 let mut y = start;
                 add_product(&mut y, &x, &weights);
-                assert_eq!(y, expected, "{inputs} {width} {zeros}");
+                let bits = |y: &[f32]| y.iter().map(|y| y.to_bits()).collect::<Vec<_>>();
+                assert_eq!(bits(&y), bits(&expected), "{inputs} {width} {zeros}");
             }
         }
         let mut y = [0.0];

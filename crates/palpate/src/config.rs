@@ -38,7 +38,7 @@ pub const ROBOTS: Assets = assets!("robots", "urdf": "ur3e", "ur5e", "ur10e");
 /// Tables with optional keys.
 const OPEN: &[&str] = &["policy", "ur"];
 
-/// What an arm gets that a simulation does not have by default: the shield, where the preset states its limits.
+/// What an arm gets whatever the preset: the shield, and a reaction time that knows a UR's delay.
 const ON_AN_ARM: [(&str, &str); 2] =
     [("safety.mode", "\"shield\""), ("safety.shield.force.reaction_time", ARM_REACTION)];
 

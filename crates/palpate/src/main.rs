@@ -57,7 +57,7 @@ enum Command {
     Demonstrate(commands::Demonstrate),
     /// Measure a trained policy on fresh episodes, beside three baselines on the same ones.
     ///
-    /// Shows the last policy and the kept one (the best of the evaluations during training), and: a = 0 (the
+    /// Shows the last policy and the kept one (the latest of the best evaluations during training), and: a = 0 (the
     /// force controller alone), uniform random actions, and a scripted align–descend–spiral.
     Evaluate(Evaluate),
     /// Draw learning curves (SVG) of one or more runs.
@@ -110,7 +110,7 @@ struct RunPolicy {
     /// Address of the controller: HOST or HOST:PORT.
     #[arg(long, value_name = "ADDRESS")]
     rtde: Address,
-    /// Which policy: `last`, `best` (of the evaluations during training) or a checkpoint's name.
+    /// Which policy: `last`, `best` (the latest of the best evaluations during training) or a checkpoint's name.
     #[arg(long, default_value = "last")]
     checkpoint: String,
     /// Episodes.

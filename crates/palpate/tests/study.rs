@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Four short runs and two baselines.
+/// Five short runs, one of them shown how, and two baselines.
 const STUDY: &str = r#"
 name = "small"
 evaluation = { episodes = 2 }
@@ -24,10 +24,19 @@ model = ["P-14", "A-13pd"]
 penalty = [true, false]
 steps = 400
 [[runs]]
+name = "shown"
+task = "peg-insertion"
+model = "P-14"
+steps = 100
+demonstrations = 1
+[[runs]]
 name = "baseline"
 task = "peg-insertion"
 model = "P-14"
 policy = ["zero", "scripted"]
+[[conditions]]
+name = "held"
+set = { env.max_steps = 3 }
 "#;
 
 /// The tables that must not depend on how the runs were done; times.csv may.
@@ -98,12 +107,24 @@ fn shards_kills_and_signals_change_no_row() {
     let out = whole.run(&["--jobs", "2"]);
     let said = String::from_utf8_lossy(&out.stdout).into_owned();
     assert_eq!(out.status.code(), Some(0), "{said}");
-    assert!(said.contains("6 runs done, 0 left, 0 failed"), "{said}");
+    assert!(said.contains("7 runs done, 0 left, 0 failed"), "{said}");
     let rows = whole.rows();
-    assert_eq!(rows[0].lines().count(), 1 + 6);
+    assert_eq!(rows[0].lines().count(), 1 + 7);
     assert!(rows[1].lines().count() > 1 + 4 && rows[3].lines().count() > 1 + 4);
-    // Four trained runs, mean and sampled actions of the last and of the kept policy, and two baselines.
-    assert_eq!(rows[2].lines().count(), 1 + 4 * 4 * 2 + 2 * 2);
+    // Five trained runs, mean and sampled actions of the last and of the kept policy, and two baselines; under the
+    // condition the last policy's mean action and the baselines.
+    assert_eq!(rows[2].lines().count(), 1 + 5 * 4 * 2 + 2 * 2 + 5 * 2 + 2 * 2);
+    let held: Vec<&str> = rows[2].lines().filter(|row| row.contains(",held,")).collect();
+    assert!(held.iter().all(|row| row.contains(",last,mean,") != row.contains("baseline_")));
+    assert!(held.len() == 14 && held.iter().all(|row| row.contains(",0,0,")), "3 steps: {held:?}");
+    let shown = rows[0].lines().find(|row| row.starts_with("shown_")).unwrap();
+    assert!(shown.contains(",learned,true,1,1,"), "one demonstration: {shown}");
+    let runs: Vec<String> = std::fs::read_dir(whole.folder.join("runs"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    assert!(runs.iter().all(|name| !name.contains(".demo")), "{runs:?}");
+    assert!(whole.folder.join("runs/shown_P-14_s1").join(palpate_runs::DEMONSTRATIONS).is_file());
 
     // Again is nothing to do, in no time.
     let written = |place: &Place| {
@@ -140,17 +161,20 @@ fn shards_kills_and_signals_change_no_row() {
             out.status.code() == Some(0)
         });
     }
-    assert_eq!(parts.results(), 6);
+    assert_eq!(parts.results(), 7);
     assert_eq!(parts.rows(), rows);
 
     // The collected rows are enough: nothing is done again, and the report is the same.
     let report = std::fs::read_to_string(parts.folder.join("report.md")).unwrap();
     for chapter in [
-        "- 6 of 6 runs are in it",
+        "- 7 of 7 runs are in it",
         "![peg, peg-insertion: parallel, with penalty](success-",
         "| peg | peg-insertion | A-13pd, no penalty | 1 |",
         "## The finished policies",
         "## The paper's orderings",
+        "## In a changed world",
+        "| held | shown | peg-insertion | P-14, 1 demonstrations | learned | 0.0 %",
+        "| held | baseline | peg-insertion | P-14 | scripted | 0.0 %",
         "| peg-insertion | P-14 | align, descend, spiral search with force control |",
         "![A-13pd, last policy: k_d](evolution-",
     ] {
@@ -185,8 +209,8 @@ fn a_run_that_fails_is_named_and_stops_no_other() {
         said.contains("failed: broken_P-14_Zero_s1") && said.contains("no-such.urdf"),
         "{said}"
     );
-    assert!(said.contains("6 runs done, 0 left, 1 failed"), "{said}");
-    assert_eq!(place.results(), 6);
+    assert!(said.contains("7 runs done, 0 left, 1 failed"), "{said}");
+    assert_eq!(place.results(), 7);
 }
 
 #[test]
@@ -196,7 +220,7 @@ fn what_makes_no_sense_is_refused_in_words() {
         assert!(!out.status.success());
         String::from_utf8_lossy(&out.stderr).into_owned()
     };
-    assert!(said(place.run(&["--index", "6"])).contains("there is no run 6: the study has 6"));
+    assert!(said(place.run(&["--index", "7"])).contains("there is no run 7: the study has 7"));
     assert!(said(place.run(&["--shard", "3/2"])).contains("write I/N"));
     let other = STUDY.replace("400", "500");
     std::fs::write(&place.file, other).unwrap();

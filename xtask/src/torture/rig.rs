@@ -10,7 +10,6 @@ use anyhow::{Context as _, bail, ensure};
 /// A run that writes something all the time: episodes of 15 steps, a checkpoint after nearly every second one.
 const RHYTHM: &[&str] = &[
     "env.max_steps=15",
-    "safety.mode=shield",
     "sac.hidden=[16, 16]",
     "sac.batch_size=16",
     "sac.start_training=16",

@@ -335,16 +335,14 @@ impl Shield {
             }
         }
         let mut speed = wish.velocity + lag * CATCH_UP;
-        let excess = speed.component_div(&v.velocity).amax();
-        if excess > 1.0 {
-            speed /= excess;
-        }
         if !snug {
             // What is made up for counts as approach, too.
             speed *= self.bounds(m).scale(&self.tool_velocity(&speed));
         }
-        if let Some(slower) = self.slower(m, here) {
-            speed = slower;
+        speed = self.limit_approach(m, here).unwrap_or(speed);
+        let excess = speed.component_div(&v.velocity).amax();
+        if excess > 1.0 {
+            speed /= excess;
         }
         let in_step = here.in_step(&speed, &v.acceleration, &v.jerk, v.dt);
         let verified = v
@@ -353,7 +351,7 @@ impl Shield {
         let (step, verified) = if let Some(Ok(verified)) = verified {
             (in_step, verified)
         } else {
-            // At a wall the joints may still get along it one by one.
+            // At a wall the joints may still get along it one by one; the tool may swerve.
             let step = here.approaching(&speed, &v.brakes, v.dt);
             (step, v.brake_is_legal(&self.chain, here, &step, clearance)?)
         };

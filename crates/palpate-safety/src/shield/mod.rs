@@ -7,8 +7,9 @@
 //!
 //! # The argument
 //! Call a state legal if the brake from it keeps every set-point legal. A step is executed only if it is within
-//! the limits and leads to a legal state. Everything else executes one tick of the brake, whose remainder was
-//! verified with the last accepted step. By induction every set-point is legal, whatever is proposed.
+//! the limits and leads to a legal state. Everything else executes a tick of braking: with the joints in step if that
+//! is such a step too, and if not, of the brake whose remainder was verified with the last one. By induction every
+//! set-point is legal, whatever is proposed.
 
 mod brake;
 mod capsule;

@@ -1,7 +1,5 @@
 //! The arm's commanded motion: the set-points sent so far, as position, speed and acceleration.
 
-#![expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN must fail")]
-
 use palpate_spatial::{DOF, JointVector};
 
 use super::brake::Brake;
@@ -54,12 +52,12 @@ impl Motion {
         next
     }
 
-    /// One tick towards the steady speed `v` with all joints in step: the speed goes straight from what it is to `v`,
-    /// so that the tool's velocity stays between the two. Joint by joint, each as fast as it can, the tool would
-    /// swerve: at a reversal to several times the speed of either.
+    /// One tick towards the steady speed `v` with all joints in step (time-synchronised): the speed goes straight from
+    /// what it is to `v`, so that the tool's velocity stays between the two. Joint by joint, each as fast as it can,
+    /// the tool would swerve: at a reversal to several times the speed of either.
     ///
     /// One brake's law for the whole arm stops what is missing. An acceleration that points elsewhere is turned as
-    /// fast as every joint's jerk allows.
+    /// fast as every joint's jerk allows. A NaN goes into the acceleration, where it is refused.
     pub(crate) fn in_step(
         &self,
         v: &JointVector,
@@ -69,19 +67,19 @@ impl Motion {
     ) -> Self {
         let missing = self.v - v;
         let square = missing.norm_squared();
-        let wanted = if square > 1e-18 {
+        let wanted = if square <= 1e-18 {
+            JointVector::zeros()
+        } else {
             let per_unit = |limit: &JointVector| {
                 limit.zip_fold(&missing, f64::INFINITY, |least: f64, l, m| least.min(l / m.abs()))
             };
             let most = per_unit(acceleration) * ROUNDING;
-            let along = (self.a.dot(&missing) / square).clamp(-most, most);
+            let along = (self.a.dot(&missing) / square).max(-most).min(most);
             missing * Brake::new(most, per_unit(jerk), dt).step(1.0, along).1
-        } else {
-            JointVector::zeros()
         };
         let change = wanted - self.a;
-        let whole = change.zip_fold(jerk, 1.0, |part: f64, c, j| part.min(j * dt / c.abs()));
-        let a = self.a + change * (whole * ROUNDING);
+        let part = change.zip_fold(jerk, 1.0, |part: f64, c, j| part.min(j * dt / c.abs()));
+        let a = self.a + change * (part * ROUNDING);
         let v = self.v + a * dt;
         Self { q: self.q + v * dt, v, a }
     }
@@ -115,6 +113,7 @@ mod tests {
             let (mut part, mut ticks) = (0.0, 0);
             let mut used = 0.0f64;
             while part < 1.0 - 1e-9 {
+                prop_assert!(ticks < 1_000, "never there");
                 let next = here.in_step(&to, &acceleration, &jerk, DT);
                 let now = (next.v - from).dot(&way) / way.norm_squared();
                 prop_assert!((next.v - from - way * now).amax() < 1e-9, "off the line");
@@ -130,6 +129,16 @@ mod tests {
                 .fold(0.0, f64::max);
             prop_assert!(f64::from(ticks) * DT <= least + 4.0 * DT, "{} ticks, {} s", ticks, least);
             prop_assert!(used > 0.5 || way.amax() < 0.5, "{}", used);
+        }
+
+        /// A number that is none is not lost on the way: the step is refused for it.
+        #[test]
+        fn a_nan_stays_visible(v in joints(2.0), to in joints(2.0), joint in 0..DOF) {
+            let (acceleration, jerk) = limits();
+            let here = Motion { v, ..Motion::at_rest(JointVector::zeros()) };
+            let mut bad = to;
+            bad[joint] = f64::NAN;
+            prop_assert!(here.in_step(&bad, &acceleration, &jerk, DT).a[joint].is_nan());
         }
 
         /// From any motion, and to a wish that moves, no limit is exceeded.

@@ -9,7 +9,7 @@ use super::geometry::{Clearance, Geometry};
 use super::motion::Motion;
 use crate::Refusal;
 
-/// The arm settles this far inside its walls, m. The joints do not brake in step, so a brake swerves a little;
+/// The arm settles this far inside its walls, m. The joints of the verified brake do not go in step, so a brake swerves a little;
 /// without room for that an arm at a wall could not even leave it.
 pub(crate) const GUARD: f64 = 5e-5;
 

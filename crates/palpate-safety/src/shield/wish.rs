@@ -159,8 +159,8 @@ impl Shield {
     }
 
     /// |det J| at `q`, and the part of the speed that the way there is allowed: everything away from the
-    /// singularity, less and less towards it. What counts is where a brake from there would end: the nearer the
-    /// singularity, the faster the joints for the same speed of the tool.
+    /// singularity, less and less towards it. On the way in it also counts where a brake from there would end: the
+    /// nearer the singularity, the faster the joints for the same speed of the tool.
     fn towards_singularity(&mut self, q: &JointVector) -> (f64, f64) {
         let measure = |q: &JointVector| {
             self.chain.kinematics(q).jacobian(Frame::BaseAligned).determinant().abs()
@@ -169,9 +169,15 @@ impl Shield {
         let to = measure(q);
         let brake =
             self.motion().map_or(JointVector::zeros(), |m| m.v * (0.5 * self.stopping_time));
-        let end = measure(&(q + brake));
+        let least = to.min(measure(&(q + brake)));
         let (slow, stop) = (self.config.singularity.slow_below, self.config.singularity.stop_below);
-        let scale = if end >= from { 1.0 } else { ((end - stop) / (slow - stop)).clamp(0.0, 1.0) };
+        let part = (least - stop) / (slow - stop);
+        let scale = match part {
+            _ if to >= from => 1.0,
+            part if part > 0.0 => part.min(1.0),
+            // NaN as well.
+            _ => 0.0,
+        };
         (to, scale)
     }
 }

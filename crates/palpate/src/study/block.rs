@@ -83,9 +83,13 @@ impl Block {
                 for model in &models {
                     for kind in &kinds {
                         for penalty in &penalties {
-                            if *kind == Kind::Learned && self.steps == 0 {
-                                bail!("block {}: `steps` is missing", self.name);
-                            }
+                            let (steps, demonstrations) = match kind {
+                                Kind::Learned if self.steps == 0 => {
+                                    bail!("block {}: `steps` is missing", self.name)
+                                }
+                                Kind::Learned => (self.steps, self.demonstrations),
+                                _ => (0, 0),
+                            };
                             let mut words = vec![self.name.clone()];
                             words.extend((tasks.len() > 1).then(|| task.clone()));
                             words.push(model.clone());
@@ -106,12 +110,8 @@ impl Block {
                                 kind: *kind,
                                 penalty: *penalty,
                                 seed,
-                                steps: if *kind == Kind::Learned { self.steps } else { 0 },
-                                demonstrations: if *kind == Kind::Learned {
-                                    self.demonstrations
-                                } else {
-                                    0
-                                },
+                                steps,
+                                demonstrations,
                                 varied: varied.clone(),
                                 preset: study.preset.clone(),
                                 set: set.clone(),

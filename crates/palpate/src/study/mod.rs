@@ -52,7 +52,7 @@ pub enum Study {
 /// Which study.
 #[derive(Clone, Debug, Args)]
 pub struct Which {
-    /// A study file (TOML), the name of a built-in one (`paper`), or the folder of a study that was begun.
+    /// A study file (TOML), the name of a built-in one (`paper`, `learner`, `tight`, `conditions`), or the folder of a study that was begun.
     study: PathBuf,
     /// Folder of the study. Default: studies/NAME.
     #[arg(long, value_name = "DIR")]

@@ -41,10 +41,8 @@ pub(super) fn run(folder: &Folder, run: &Planned, threads: usize) -> anyhow::Res
             }
         }
         Kind::Learned if run.demonstrations > 0 => {
-            let shown = show(&dir, run)?;
-            train::start_shown(&run.choice(&[threads_key]), &shown, Some(&dir))?;
-            // The run directory has its own.
-            std::fs::remove_file(&shown).context("the demonstrations")?;
+            let Some(shown) = show(&dir, run)? else { return Ok(End::Interrupted) };
+            train::start_shown(&run.choice(&[threads_key]), shown.path(), Some(&dir))?;
         }
         Kind::Learned => {
             train::start(&run.choice(&[threads_key]), Some(&dir))?;
@@ -71,30 +69,45 @@ pub(super) fn run(folder: &Folder, run: &Planned, threads: usize) -> anyhow::Res
     Ok(End::Done)
 }
 
-/// Records what a run is shown, beside its folder, over what an attempt that was killed left there.
-fn show(dir: &Path, run: &Planned) -> anyhow::Result<PathBuf> {
-    let mut path = dir.as_os_str().to_owned();
-    path.push(".demo");
-    let path = PathBuf::from(path);
-    if path.exists() {
-        std::fs::remove_file(&path).context("the demonstrations")?;
-    }
-    if let Some(runs) = path.parent() {
-        std::fs::create_dir_all(runs).context("cannot make the folder of runs")?;
-    }
+/// Records what a run is shown, in a file that is gone with this process: the run directory keeps its own; `None` if
+/// interrupted.
+fn show(dir: &Path, run: &Planned) -> anyhow::Result<Option<Shown>> {
+    let runs = dir.parent().context("a run lies in a folder")?;
+    std::fs::create_dir_all(runs).context("cannot make the folder of runs")?;
+    let shown = Shown(runs.join(format!("{}.{}.demo", run.id, std::process::id())));
     let config = Config::load(&run.choice(&[]))?;
     let mut env = sim_env(&config, config.run.seed, Purpose::Demonstrate)?;
     let mut script = Actor::scripted(&config, env.action_dim());
     let options = Options { episodes: run.demonstrations, only_successes: true };
-    let account = record(&mut env, &mut script, &config, &options, &path, |_, _| {})?;
+    let account = record(&mut env, &mut script, &config, &options, shown.path(), |_, _| {});
+    if interrupt::requested() {
+        return Ok(None);
+    }
+    let account = account?;
     ensure!(
-        account.kept == run.demonstrations || interrupt::requested(),
+        account.kept == run.demonstrations,
         "the script reached the goal in {} of {} episodes; {} demonstrations were asked for",
         account.successes,
         account.tried,
         run.demonstrations
     );
-    Ok(path)
+    Ok(Some(shown))
+}
+
+/// A file of demonstrations that is removed with this.
+struct Shown(PathBuf);
+
+impl Shown {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        // A file that stays behind harms nobody.
+        let _ = std::fs::remove_file(&self.0);
+    }
 }
 
 /// What acts, and what the rows call it.
@@ -111,11 +124,9 @@ fn judge(dir: &Path, run: &Planned, study: &Study) -> anyhow::Result<Option<Vec<
     for (condition, set) in std::iter::once(plain).chain(conditions) {
         let config = Config::of_run(dir, &set)?;
         let mut env = sim_env(&config, how.seed, Purpose::Evaluate)?;
-        for (policy, actions, mut actor) in actors(dir, run, &config, env.action_dim(), how.seed)? {
-            let side = (policy, actions) != ("last", "mean");
-            if !condition.is_empty() && run.kind == Kind::Learned && side {
-                continue;
-            }
+        let all_of_them = condition.is_empty();
+        let actors = actors(dir, run, &config, (env.action_dim(), how.seed), all_of_them)?;
+        for (policy, actions, mut actor) in actors {
             let summaries = rollouts(&mut env, &mut actor, how.episodes, |_, _| {})?;
             let named = (condition, policy, actions);
             all.extend(summaries.iter().map(|summary| judged(run, named, summary)));
@@ -127,12 +138,13 @@ fn judge(dir: &Path, run: &Planned, study: &Study) -> anyhow::Result<Option<Vec<
     Ok(Some(all))
 }
 
+/// All that a run is judged by, or the first alone.
 fn actors(
     dir: &Path,
     run: &Planned,
     config: &Config,
-    dim: usize,
-    seed: u64,
+    (dim, seed): (usize, u64),
+    all: bool,
 ) -> anyhow::Result<Vec<Named>> {
     let mut actors: Vec<Named> = Vec::new();
     match run.kind {
@@ -150,6 +162,9 @@ fn actors(
         Kind::Zero => actors.push(("zero", "mean", Actor::zero(dim))),
         Kind::Random => actors.push(("random", "sampled", Actor::random(dim, seed))),
         Kind::Scripted => actors.push(("scripted", "mean", Actor::scripted(config, dim))),
+    }
+    if !all {
+        actors.truncate(1);
     }
     Ok(actors)
 }

@@ -74,8 +74,13 @@ impl Pupil {
         let shown = self.agent.demonstrated();
         if shown > 0 {
             let percent = 100.0 * self.config.sac.demonstration_share;
-            self.console
-                .note(&format!("{shown} demonstrated steps make {percent:.0} % of every batch"));
+            let until = match self.config.sac.demonstration_steps {
+                0 => String::new(),
+                steps => format!(" at first, none after {steps} steps"),
+            };
+            self.console.note(&format!(
+                "{shown} demonstrated steps make {percent:.0} % of every batch{until}"
+            ));
         }
         for warning in self.config.warnings() {
             self.console.note(&format!("warning: {warning}"));

@@ -62,8 +62,9 @@ impl Shield {
     }
 
     /// Joint speeds that take from the tool's approach what would exceed the force limit, and as little else as
-    /// possible: that comes before everything else, the tool's direction included. None if nothing is too fast.
-    pub(super) fn slower(&self, m: &Measurement, here: &Motion) -> Option<JointVector> {
+    /// possible: that comes before everything else, the tool's direction included. None if nothing is too fast: half of
+    /// what is kept back for the unforeseen may be used first.
+    pub(super) fn limit_approach(&self, m: &Measurement, here: &Motion) -> Option<JointVector> {
         let J = self.chain.kinematics(&here.q).jacobian(Frame::BaseAligned);
         let bounds = self.bounds_to(m, 0.5 * (1.0 + self.config.force.aim_ratio));
         let mut speed = here.v;

@@ -110,7 +110,7 @@ fn an_approach_that_is_too_fast_is_slowed_before_anything_else() {
     let mut slowed = 0;
     for force in 0..21 {
         let force = f64::from(force);
-        let said = shield.slower(&sample(&shield, Vector3::z() * -force), &here);
+        let said = shield.limit_approach(&sample(&shield, Vector3::z() * -force), &here);
         if up(&here.v) <= allowed(force) {
             assert_eq!(said, None, "{force}");
             continue;
@@ -124,11 +124,11 @@ fn an_approach_that_is_too_fast_is_slowed_before_anything_else() {
         let change = said - here.v;
         assert!((change.dot(&cheapest).abs() - change.norm() * cheapest.norm()).abs() < 1e-9);
         // Force that pulls where it goes anyway is no reason.
-        assert_eq!(shield.slower(&sample(&shield, Vector3::z() * force), &here), None);
+        assert_eq!(shield.limit_approach(&sample(&shield, Vector3::z() * force), &here), None);
     }
     assert!((5..20).contains(&slowed), "{slowed}");
     // Beyond the limit it is to stand still.
-    let said = shield.slower(&sample(&shield, Vector3::z() * -30.0), &here).unwrap();
+    let said = shield.limit_approach(&sample(&shield, Vector3::z() * -30.0), &here).unwrap();
     assert!(up(&said).abs() < 1e-12);
 }
 

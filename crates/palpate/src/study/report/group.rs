@@ -31,7 +31,8 @@ pub(super) fn groups(rows: &Rows) -> Vec<Group<'_>> {
 
 fn alike(a: &RunRow, b: &RunRow) -> bool {
     let key = |r: &RunRow| {
-        (r.block.clone(), r.task.clone(), r.model.clone(), r.policy, r.penalty, r.varied.clone())
+        let place = (r.block.clone(), r.task.clone(), r.model.clone());
+        (place, r.policy, r.penalty, r.demonstrations, r.varied.clone())
     };
     key(a) == key(b)
 }

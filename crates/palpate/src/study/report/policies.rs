@@ -21,8 +21,8 @@ pub(super) fn numbers(
 pub(super) fn judged(groups: &[&Group<'_>]) -> Chapter {
     let mut chapter = Chapter::new("The finished policies");
     chapter.text(
-        "On fresh episodes, the same for every run. Last: the policy at the end of the training; kept: the best of its \
-         evaluations. Mean and sampled are the policy's actions. Time is the median of the successes, force the median and \
+        "On fresh episodes, the same for every run. Last: the policy at the end of the training; kept: the latest of its \
+         best evaluations. Mean and sampled are the policy's actions. Time is the median of the successes, force the median and \
          the largest peak of all episodes; all of the last policy's mean actions.",
     );
     let row = |g: &&Group<'_>| {
