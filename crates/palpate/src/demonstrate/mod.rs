@@ -236,7 +236,7 @@ fn told(account: &Account, config: &Config, by: &str, session: &Session) -> Stri
     );
     said += &observed.lines(config);
     if session.options.only_successes && 2 * successes < *tried {
-        said += "the goal was reached on few starts, so these show the easy ones: --set sac.demonstration_share=0.1 trains better on such\n";
+        said += "the goal was reached on few starts, so these show the easy ones; --by RUN records a policy that copes with all\n";
     }
     if *kept < session.options.episodes {
         let _ = writeln!(said, "fewer than the {} that were asked for", session.options.episodes);
