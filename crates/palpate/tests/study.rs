@@ -173,7 +173,10 @@ fn shards_kills_and_signals_change_no_row() {
         "## The finished policies",
         "## The paper's orderings",
         "## In a changed world",
-        "| held | shown | peg-insertion | P-14, 1 demonstrations | learned | 0.0 %",
+        "- held: `env.max_steps=3`",
+        "sac.hidden=[32, 32], sac.updates_per_step=1",
+        "`cargo xtask study run study.toml`",
+        "| held | shown | peg-insertion | P-14, 1 demonstration | learned | 0.0 %",
         "| held | baseline | peg-insertion | P-14 | scripted | 0.0 %",
         "| peg-insertion | P-14 | align, descend, spiral search with force control |",
         "![A-13pd, last policy: k_d](evolution-",
@@ -227,7 +230,7 @@ fn what_makes_no_sense_is_refused_in_words() {
     let text = said(place.run(&[]));
     assert!(text.contains("was begun with another study file"), "{text}");
     std::fs::write(&place.file, "name = 3").unwrap();
-    assert!(said(place.run(&[])).contains("no study file"));
+    assert!(said(place.run(&[])).contains("not a study as docs/how-to/studies.md describes it"));
     let missing = place.folder.join("missing.toml");
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
     let text = said(command.args(["study", "plan"]).arg(missing).output().unwrap());

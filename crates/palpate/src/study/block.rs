@@ -36,7 +36,10 @@ pub(super) struct Block {
 
 /// One value, or a list of them.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected a value or a list of values (policy: learned, zero, random, scripted)"
+)]
 enum Many<T> {
     One(T),
     List(Vec<T>),
@@ -78,6 +81,9 @@ impl Block {
         let set = [settings(&study.set), settings(&self.set)].concat();
         let (tasks, models) = (self.task.list(), self.model.list());
         let (kinds, penalties) = (self.policy.list(), self.penalty.list());
+        if self.demonstrations > 0 && !kinds.contains(&Kind::Learned) {
+            bail!("block {}: nothing in it learns from `demonstrations`", self.name);
+        }
         for task in &tasks {
             for varied in self.variations()? {
                 for model in &models {

@@ -72,6 +72,13 @@ impl Folder {
         Ok(Self { path, study, plan, collected })
     }
 
+    /// What to give to `study run` to do the same: a built-in study's name, or the file in this folder.
+    pub(super) fn source(&self) -> &str {
+        let name = self.study.name.as_str();
+        let built_in = crate::config::STUDIES.iter().any(|(known, _)| *known == name);
+        if built_in { name } else { STUDY }
+    }
+
     /// The run directory of a run.
     pub(super) fn dir(&self, run: &Planned) -> PathBuf {
         self.path.join("runs").join(&run.id)

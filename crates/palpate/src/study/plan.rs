@@ -146,13 +146,22 @@ pub(super) fn text(name: &Path) -> anyhow::Result<String> {
 
 impl Study {
     pub(super) fn parse(text: &str) -> anyhow::Result<Self> {
-        let study: Self = toml::from_str(text).context("this is no study file")?;
+        let study: Self =
+            toml::from_str(text).context("not a study as docs/how-to/studies.md describes it")?;
         ensure!(
             slug(&study.name) == study.name,
             "the study's name {:?} names a folder: letters, digits, - and _",
             study.name
         );
         Ok(study)
+    }
+
+    /// What it sets for all runs, in words.
+    pub(super) fn settings(&self) -> String {
+        match settings(&self.set).join(", ") {
+            none if none.is_empty() => "none".into(),
+            some => format!("`{some}`"),
+        }
     }
 
     /// Its runs, seed after seed: half a study is a whole one with fewer seeds.
@@ -285,6 +294,12 @@ set = { sim.friction = 0.1 }
         assert!(said(&TEXT.replace("model = \"P-14\"", "mode = \"P-14\"")).contains("mode"));
         assert!(said(&TEXT.replace("sim.friction", "sim.fiction")).contains("under \"slippery\""));
         assert!(said(&TEXT.replace("\"slippery\"", "\"\"")).contains("a name of its own"));
+        let misspelt = TEXT.replace("\"zero\"", "\"zro\"");
+        assert!(said(&misspelt).contains("policy: learned, zero, random, scripted"));
+        assert!(
+            said(&TEXT.replace("policy =", "demonstrations = 1\npolicy ="))
+                .contains("nothing in it learns")
+        );
         assert!(said("name = \"a/b\"\nruns = []").contains("names a folder"));
     }
 

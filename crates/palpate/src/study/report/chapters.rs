@@ -26,7 +26,7 @@ pub(super) fn all(folder: &Folder, rows: &Rows, motions: &[Motion]) -> Vec<Chapt
         orderings(&plain),
         policies::baselines(&all),
         variations::settings(&learned),
-        variations::conditions(&all),
+        variations::conditions(&folder.study, &all),
         policies::policies(motions),
     ]
 }
@@ -34,7 +34,9 @@ pub(super) fn all(folder: &Folder, rows: &Rows, motions: &[Motion]) -> Vec<Chapt
 fn overview(folder: &Folder, rows: &Rows) -> Chapter {
     let mut chapter = Chapter::new("The study");
     let planned = folder.plan.len();
-    chapter.text(format!("{}.", folder.study.about));
+    if !folder.study.about.is_empty() {
+        chapter.text(format!("{}.", folder.study.about));
+    }
     let steps: u64 = rows.runs.iter().map(|run| run.steps).sum();
     let hours: f64 = rows.times.iter().map(|t| t.seconds * t.threads as f64).sum::<f64>() / 3600.0;
     let mut commits: Vec<&str> = rows.times.iter().map(|t| t.commit.as_str()).collect();
@@ -46,7 +48,8 @@ fn overview(folder: &Folder, rows: &Rows) -> Chapter {
     chapter.items.push(Item::List(vec![
         format!("{} of {planned} runs are in it, {:.2} million environment steps; {} judged episodes.", rows.runs.len(), steps as f64 / 1e6, rows.judged.len()),
         format!("Simulated; no arm took part. {hours:.1} core hours, judging included, on: {}.", cpus.join(", ")),
-        format!("Checkout at each start: {}. Command: `cargo xtask study run {}`, then `study report`.", commits.join(", "), folder.study.name),
+        format!("Checkout at each start: {}. Command: `cargo xtask study run {}`, then `study report`.", commits.join(", "), folder.source()),
+        format!("Settings of all runs beside the preset's: {}. The whole is in study.toml.", folder.study.settings()),
         "Intervals are of 95 %: Clopper and Pearson for shares of episodes, percentile bootstrap over runs for interquartile means (IQM) and probabilities.".into(),
         "Rows for pandas and rliable: runs.csv, episodes.csv (training), evaluation.csv (judged episodes), curves.csv (evaluations while training), times.csv.".into(),
     ]));

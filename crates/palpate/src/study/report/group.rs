@@ -52,6 +52,7 @@ impl<'a> Group<'a> {
         let penalty = if *penalty { "" } else { ", no penalty" };
         let shown = match demonstrations {
             0 => String::new(),
+            1 => ", 1 demonstration".into(),
             n => format!(", {n} demonstrations"),
         };
         let varied = if varied.is_empty() { String::new() } else { format!(", {varied}") };

@@ -2,10 +2,11 @@
 
 use palpate_runs::stats::mean;
 
-use super::document::Chapter;
+use super::document::{Chapter, Item};
 use super::figures;
 use super::group::{Group, dash, median, success};
 use super::policies::numbers;
+use crate::study::plan::{Condition, Study};
 use crate::study::rows::RunRow;
 
 /// Exploration is over.
@@ -97,7 +98,7 @@ fn keys(varied: &[&Group<'_>]) -> Vec<String> {
 }
 
 /// How finished policies and baselines fare in worlds that no training saw.
-pub(super) fn conditions(groups: &[Group<'_>]) -> Chapter {
+pub(super) fn conditions(study: &Study, groups: &[Group<'_>]) -> Chapter {
     let mut chapter = Chapter::new("In a changed world");
     let mut names: Vec<&str> = Vec::new();
     // Every group holds the rows of all.
@@ -113,6 +114,8 @@ pub(super) fn conditions(groups: &[Group<'_>]) -> Chapter {
         "The last policy's mean action and what needs no learning, in worlds that no training saw; the same episodes for \
          all. Time is the median of the successes, force the median and the largest peak of all episodes.",
     );
+    let changed = |c: &Condition| format!("{}: `{}`", c.name, c.settings().join(", "));
+    chapter.items.push(Item::List(study.conditions.iter().map(changed).collect()));
     let mut rows = Vec::new();
     for name in names {
         for g in groups {
