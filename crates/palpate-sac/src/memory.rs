@@ -73,9 +73,7 @@ impl Memory {
         }
         drawn
     }
-}
 
-impl Memory {
     /// The part of the demonstrations' share that is left: it falls evenly as the run learns for itself.
     fn demonstrations_left(&self) -> f64 {
         match self.demonstration_steps {

@@ -18,6 +18,13 @@ pub(super) fn numbers(
     episodes.iter().filter(|e| !succeeded || e.success == 1).map(|e| of(e)).collect()
 }
 
+/// Peak force of the episodes: median and largest, N.
+pub(super) fn peak_force(episodes: &[&JudgedRow]) -> String {
+    let peaks = numbers(episodes, |e| e.peak_force, false);
+    let largest = peaks.iter().copied().reduce(f64::max);
+    format!("{} / {}", dash(median(&peaks), 1), dash(largest, 1))
+}
+
 pub(super) fn judged(groups: &[&Group<'_>]) -> Chapter {
     let mut chapter = Chapter::new("The finished policies");
     chapter.text(
@@ -29,7 +36,6 @@ pub(super) fn judged(groups: &[&Group<'_>]) -> Chapter {
         let last = g.judged("last", "mean");
         let by_run = g.success_by_run("last", "mean");
         let worst = by_run.iter().copied().reduce(f64::min);
-        let peaks = numbers(&last, |e| e.peak_force, false);
         vec![
             g.first.block.clone(),
             g.first.task.clone(),
@@ -41,11 +47,7 @@ pub(super) fn judged(groups: &[&Group<'_>]) -> Chapter {
             success(&g.judged("kept", "mean")),
             success(&g.judged("kept", "sampled")),
             dash(median(&numbers(&last, |e| e.seconds, true)), 2),
-            format!(
-                "{} / {}",
-                dash(median(&peaks), 1),
-                dash(peaks.iter().copied().reduce(f64::max), 1)
-            ),
+            peak_force(&last),
             last.iter().filter(|e| e.collision == 1).count().to_string(),
         ]
     };
@@ -115,7 +117,6 @@ pub(super) fn baselines(groups: &[Group<'_>]) -> Chapter {
             .flat_map(|name| ["mean", "sampled"].map(|actions| g.judged(name, actions)))
             .flatten()
             .collect();
-        let peaks = numbers(&episodes, |e| e.peak_force, false);
         let name = match episodes.first().map(|e| e.policy.as_str()) {
             Some("zero") => "a = 0: the force controller alone",
             Some("random") => "uniform random actions",
@@ -127,11 +128,7 @@ pub(super) fn baselines(groups: &[Group<'_>]) -> Chapter {
             name.into(),
             success(&episodes),
             dash(median(&numbers(&episodes, |e| e.seconds, true)), 2),
-            format!(
-                "{} / {}",
-                dash(median(&peaks), 1),
-                dash(peaks.iter().copied().reduce(f64::max), 1)
-            ),
+            peak_force(&episodes),
             episodes.iter().filter(|e| e.collision == 1).count().to_string(),
         ]
     };

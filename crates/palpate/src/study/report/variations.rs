@@ -5,7 +5,7 @@ use palpate_runs::stats::mean;
 use super::document::{Chapter, Item};
 use super::figures;
 use super::group::{Group, dash, median, success};
-use super::policies::numbers;
+use super::policies::{numbers, peak_force};
 use crate::study::plan::{Condition, Study};
 use crate::study::rows::RunRow;
 
@@ -125,7 +125,6 @@ pub(super) fn conditions(study: &Study, groups: &[Group<'_>]) -> Chapter {
                 if episodes.is_empty() {
                     continue;
                 }
-                let peaks = numbers(&episodes, |e| e.peak_force, false);
                 rows.push(vec![
                     if name.is_empty() { "as trained".into() } else { name.to_owned() },
                     g.first.block.clone(),
@@ -134,11 +133,7 @@ pub(super) fn conditions(study: &Study, groups: &[Group<'_>]) -> Chapter {
                     if policy == "last" { "learned".into() } else { policy.to_owned() },
                     success(&episodes),
                     dash(median(&numbers(&episodes, |e| e.seconds, true)), 2),
-                    format!(
-                        "{} / {}",
-                        dash(median(&peaks), 1),
-                        dash(peaks.iter().copied().reduce(f64::max), 1)
-                    ),
+                    peak_force(&episodes),
                     episodes.iter().filter(|e| e.collision == 1).count().to_string(),
                 ]);
             }
