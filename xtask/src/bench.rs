@@ -13,7 +13,7 @@ pub(crate) fn command(args: &[OsString]) -> anyhow::Result<()> {
         println!("peers: none; `pip install torch jax` brings them (PYTHON names another Python)");
     }
     let update_cost = ["run", "--release", "-p", "palpate-sac", "--example", "update_cost"];
-    cmd!(sh, "cargo {update_cost...} -- 200 {peers...}").run()?;
+    cmd!(sh, "cargo {update_cost...} -- 40 {peers...}").run()?;
     cmd!(sh, "cargo bench --workspace --bench * {args...}").run()?;
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! The release binary from end to end: train, lose power, resume, interrupt, resume, evaluate, plot.
 //!
-//! The oracle is a second run that nothing happens to: both must write the same metrics, byte for byte.
+//! The oracle is a second run that nothing happens to, on two threads instead of one: both must write the same
+//! metrics, byte for byte.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -52,10 +53,10 @@ struct Smoke {
 impl Smoke {
     fn story(&self) -> anyhow::Result<String> {
         let (straight, cut) = (self.dir.join("straight"), self.dir.join("cut"));
-        self.finish(&mut self.train(&straight, LONG))?;
+        self.finish(&mut self.train(&straight, LONG, "sac.threads=2"))?;
 
         println!("a run that is killed …");
-        let mut child = self.start(&mut self.train(&cut, SHORT))?;
+        let mut child = self.start(&mut self.train(&cut, SHORT, "sac.threads=1"))?;
         await_checkpoint(&mut child, &cut, &[])?;
         child.kill().context("cannot kill the run")?;
         child.wait()?;
@@ -85,9 +86,17 @@ impl Smoke {
         ))
     }
 
+    /// On all cores; and, as recordings are made, on one: the same figures.
     fn evaluate(&self, run: &Path) -> anyhow::Result<usize> {
+        let quick = self.judged(run, &[])?;
+        let recorded = self.judged(run, &["--record", "recorded"])?;
+        ensure!(quick == recorded, "on all cores evaluate says\n{quick}\nand on one\n{recorded}");
+        evaluated(&quick)
+    }
+
+    fn judged(&self, run: &Path, more: &[&str]) -> anyhow::Result<String> {
         let mut command = self.palpate(&["evaluate"]);
-        command.arg(run).args(["--episodes", &EVALUATED.to_string(), "--json"]);
+        command.arg(run).args(["--episodes", &EVALUATED.to_string(), "--json"]).args(more);
         let said = command.output().context("cannot run palpate evaluate")?;
         ensure!(
             said.status.success(),
@@ -95,7 +104,7 @@ impl Smoke {
             said.status,
             String::from_utf8_lossy(&said.stderr)
         );
-        evaluated(&String::from_utf8_lossy(&said.stdout))
+        Ok(String::from_utf8_lossy(&said.stdout).into_owned())
     }
 
     fn plot(&self, run: &Path) -> anyhow::Result<usize> {
@@ -117,8 +126,9 @@ impl Smoke {
         Ok(figures)
     }
 
-    fn train(&self, out: &Path, steps: &str) -> Command {
+    fn train(&self, out: &Path, steps: &str, threads: &str) -> Command {
         let mut command = self.palpate(&["train-sim", "--seed", "7", "--steps", steps]);
+        command.args(["--set", threads]);
         command.args(RHYTHM.iter().flat_map(|key| ["--set", key])).arg("--out").arg(out);
         command
     }

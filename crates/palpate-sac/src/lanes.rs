@@ -9,16 +9,6 @@
 pub(crate) const LANES: usize = 16;
 pub(crate) type Lanes = [f32; LANES];
 
-/// Applies `f` to each number.
-#[inline(always)]
-pub(crate) fn map(x: Lanes, f: impl Fn(f32) -> f32) -> Lanes {
-    let mut y = x;
-    for y in &mut y {
-        *y = f(*y);
-    }
-    y
-}
-
 /// eˣ, for |x| ≤ 87; beyond, as there.
 #[inline(always)]
 pub(crate) fn exp(x: f32) -> f32 {

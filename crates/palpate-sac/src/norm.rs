@@ -1,7 +1,8 @@
 //! LayerNorm with ReLU, forward and backward, on rows that have just been computed.
 //!
 //! Sums run in 32 lanes whatever the vector unit: two rounds of sixteen, added up, then folded pairwise. Nothing
-//! is contracted into fused multiply-adds, so an instruction set changes the speed and not one bit.
+//! is contracted into fused multiply-adds, so an instruction set changes the speed and not one bit. Rows go
+//! through together, as many as there are, up to four: each waits for its own sums, and the others fill the wait.
 #![expect(
     clippy::inline_always,
     reason = "code is compiled for the vector unit only inside its caller"
@@ -14,6 +15,9 @@ use crate::lanes::{LANES, Lanes};
 
 /// Added to the variance, as in torch.nn.LayerNorm.
 pub(crate) const NORM_EPSILON: f32 = 1e-5;
+
+/// Rows that go through together.
+const TOGETHER: usize = 4;
 
 /// Runs `$work` with as many vectors to sixteen lanes as the machine needs.
 macro_rules! by_width {
@@ -52,33 +56,63 @@ impl Forward<'_> {
     #[inline(always)]
     fn run<S: Simd, const PARTS: usize>(self, simd: S) {
         let Self { z, width, inverse_std, relu } = self;
-        let (scale, zero) = (1.0 / width as f32, simd.splat_f32s(0.0));
-        let rows = z.chunks_exact_mut(width).zip(relu.chunks_exact_mut(width));
-        for ((z, relu), inverse_std) in rows.zip(inverse_std) {
-            let mean = scale * sum::<S, PARTS>(simd, z, z, |z, _| z, |z, _| z);
-            let many = simd.splat_f32s(mean);
-            let square = |z, _| {
-                let d = simd.sub_f32s(z, many);
-                simd.mul_f32s(d, d)
-            };
-            let variance =
-                scale * sum::<S, PARTS>(simd, z, z, square, |z, _| (z - mean) * (z - mean));
-            let factor = 1.0 / (variance + NORM_EPSILON).sqrt();
-            *inverse_std = factor;
-            let factors = simd.splat_f32s(factor);
-            let (z, z_rest) = S::as_mut_simd_f32s(z);
-            let (relu, relu_rest) = S::as_mut_simd_f32s(relu);
-            for (z, relu) in z.iter_mut().zip(relu) {
-                *z = simd.mul_f32s(simd.sub_f32s(*z, many), factors);
-                // As written, NaN stays NaN.
-                *relu = simd.select_f32s(simd.less_than_f32s(*z, zero), zero, *z);
+        let together = TOGETHER * width;
+        let rows = z.chunks_mut(together).zip(relu.chunks_mut(together));
+        for ((z, relu), inverse_std) in rows.zip(inverse_std.chunks_mut(TOGETHER)) {
+            if z.len() == together {
+                forward::<S, PARTS, TOGETHER>(simd, z, width, inverse_std, relu);
+                continue;
             }
-            for (z, relu) in z_rest.iter_mut().zip(relu_rest) {
-                *z = (*z - mean) * factor;
-                *relu = if *z < 0.0 { 0.0 } else { *z };
+            let rows = z.chunks_exact_mut(width).zip(relu.chunks_exact_mut(width));
+            for ((z, relu), inverse_std) in rows.zip(inverse_std.chunks_exact_mut(1)) {
+                forward::<S, PARTS, 1>(simd, z, width, inverse_std, relu);
             }
         }
     }
+}
+
+#[inline(always)]
+fn forward<S: Simd, const PARTS: usize, const ROWS: usize>(
+    simd: S,
+    z: &mut [f32],
+    width: usize,
+    inverse_std: &mut [f32],
+    relu: &mut [f32],
+) {
+    let (scale, zero) = (1.0 / width as f32, simd.splat_f32s(0.0));
+    let rows = rows::<ROWS>(z, width);
+    let means =
+        sums::<S, PARTS, ROWS>(simd, rows, rows, |_, z, _| z, |_, z, _| z).map(|sum| scale * sum);
+    let many = means.map(|mean| simd.splat_f32s(mean));
+    let square = |row: usize, z, _| {
+        let d = simd.sub_f32s(z, many[row]);
+        simd.mul_f32s(d, d)
+    };
+    let square_one = |row: usize, z: f32, _| (z - means[row]) * (z - means[row]);
+    let factors = sums::<S, PARTS, ROWS>(simd, rows, rows, square, square_one)
+        .map(|sum| 1.0 / (scale * sum + NORM_EPSILON).sqrt());
+    inverse_std.copy_from_slice(&factors);
+    let rows = z.chunks_exact_mut(width).zip(relu.chunks_exact_mut(width));
+    for ((z, relu), (mean, factor)) in rows.zip(means.into_iter().zip(factors)) {
+        let (means, factors) = (simd.splat_f32s(mean), simd.splat_f32s(factor));
+        let (z, z_rest) = S::as_mut_simd_f32s(z);
+        let (relu, relu_rest) = S::as_mut_simd_f32s(relu);
+        for (z, relu) in z.iter_mut().zip(relu) {
+            *z = simd.mul_f32s(simd.sub_f32s(*z, means), factors);
+            // As written, NaN stays NaN.
+            *relu = simd.select_f32s(simd.less_than_f32s(*z, zero), zero, *z);
+        }
+        for (z, relu) in z_rest.iter_mut().zip(relu_rest) {
+            *z = (*z - mean) * factor;
+            *relu = if *z < 0.0 { 0.0 } else { *z };
+        }
+    }
+}
+
+/// The rows of a matrix.
+#[inline(always)]
+fn rows<const ROWS: usize>(values: &[f32], width: usize) -> [&[f32]; ROWS] {
+    std::array::from_fn(|row| &values[row * width..][..width])
 }
 
 /// Gradient of a row through ReLU and LayerNorm, in place; `normalised` is ẑ.
@@ -110,15 +144,16 @@ impl Backward<'_> {
         let (scale, zero) = (1.0 / d.len() as f32, simd.splat_f32s(0.0));
         let through = |d, z| simd.select_f32s(simd.greater_than_f32s(z, zero), d, zero);
         let through_one = |d: f32, z: f32| if z > 0.0 { d } else { 0.0 };
-        let mean = scale * sum::<S, PARTS>(simd, d, normalised, through, through_one);
-        let along = scale
-            * sum::<S, PARTS>(
-                simd,
-                d,
-                normalised,
-                |d, z| simd.mul_f32s(through(d, z), z),
-                |d, z| through_one(d, z) * z,
-            );
+        let many = |sum, d, z| match sum {
+            0 => through(d, z),
+            _ => simd.mul_f32s(through(d, z), z),
+        };
+        let one = |sum, d, z| match sum {
+            0 => through_one(d, z),
+            _ => through_one(d, z) * z,
+        };
+        let [mean, along] =
+            sums::<S, PARTS, 2>(simd, [&*d; 2], [normalised; 2], many, one).map(|sum| scale * sum);
         let [means, alongs, factors] = [mean, along, inverse_std].map(|x| simd.splat_f32s(x));
         let (d, d_rest) = S::as_mut_simd_f32s(d);
         let (z, z_rest) = S::as_simd_f32s(normalised);
@@ -132,42 +167,45 @@ impl Backward<'_> {
     }
 }
 
-/// Σ f(aᵢ, bᵢ); `many` and `one` are f of vectors and of numbers.
-#[expect(clippy::inline_always, reason = "compiled for the vector unit only inside its caller")]
+/// Σᵢ f(n, aₙᵢ, bₙᵢ) for every n; `many` and `one` are f of vectors and of numbers. All rows are of one length.
 #[inline(always)]
-fn sum<S: Simd, const PARTS: usize>(
+fn sums<S: Simd, const PARTS: usize, const N: usize>(
     simd: S,
-    a: &[f32],
-    b: &[f32],
-    many: impl Fn(S::f32s, S::f32s) -> S::f32s,
-    one: impl Fn(f32, f32) -> f32,
-) -> f32 {
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
-    let mut sums = [[simd.splat_f32s(0.0); PARTS]; 2];
-    let add = |sums: &mut [S::f32s; PARTS], a: &Lanes, b: &Lanes| {
-        let (a, b) = (S::as_simd_f32s(a).0, S::as_simd_f32s(b).0);
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum = simd.add_f32s(*sum, many(*a, *b));
+    a: [&[f32]; N],
+    b: [&[f32]; N],
+    many: impl Fn(usize, S::f32s, S::f32s) -> S::f32s,
+    one: impl Fn(usize, f32, f32) -> f32,
+) -> [f32; N] {
+    let length = a[0].len();
+    let mut sums = [[[simd.splat_f32s(0.0); PARTS]; N]; 2];
+    let mut from = 0;
+    while from + LANES <= length {
+        for sums in &mut sums {
+            if from + LANES > length {
+                break;
+            }
+            for n in 0..N {
+                let a = S::as_simd_f32s(&a[n][from..from + LANES]).0;
+                let b = S::as_simd_f32s(&b[n][from..from + LANES]).0;
+                for part in 0..PARTS {
+                    sums[n][part] = simd.add_f32s(sums[n][part], many(n, a[part], b[part]));
+                }
+            }
+            from += LANES;
         }
-    };
-    let ((a, a_last), (b, b_last)) = (a.as_chunks::<2>(), b.as_chunks::<2>());
-    for (a, b) in a.iter().zip(b) {
-        add(&mut sums[0], &a[0], &b[0]);
-        add(&mut sums[1], &a[1], &b[1]);
     }
-    for (a, b) in a_last.iter().zip(b_last) {
-        add(&mut sums[0], a, b);
+    let mut folded = [0.0; N];
+    for n in 0..N {
+        let mut lanes: Lanes = [0.0; LANES];
+        for (part, to) in S::as_mut_simd_f32s(&mut lanes).0.iter_mut().enumerate() {
+            *to = simd.add_f32s(sums[0][n][part], sums[1][n][part]);
+        }
+        for (lane, (a, b)) in lanes.iter_mut().zip(a[n][from..].iter().zip(&b[n][from..])) {
+            *lane += one(n, *a, *b);
+        }
+        folded[n] = fold(lanes);
     }
-    let mut lanes: Lanes = [0.0; LANES];
-    for (to, (x, y)) in
-        S::as_mut_simd_f32s(&mut lanes).0.iter_mut().zip(sums[0].iter().zip(&sums[1]))
-    {
-        *to = simd.add_f32s(*x, *y);
-    }
-    for (lane, (a, b)) in lanes.iter_mut().zip(a_rest.iter().zip(b_rest)) {
-        *lane += one(*a, *b);
-    }
-    fold(lanes)
+    folded
 }
 
 #[cfg(test)]
@@ -183,7 +221,7 @@ mod tests {
 
     /// A forward and a backward pass on the vector unit asked for; all their numbers.
     fn passes(width: usize, run: impl Fn(Forward<'_>), back: impl Fn(Backward<'_>)) -> Vec<f32> {
-        let rows = 3;
+        let rows = TOGETHER + 3;
         let mut z = draw(rows * width, 1);
         let (mut inverse_std, mut relu) = (vec![0.0; rows], vec![0.0; rows * width]);
         run(Forward { z: &mut z, width, inverse_std: &mut inverse_std, relu: &mut relu });
@@ -205,6 +243,22 @@ mod tests {
                 let narrow = passes(width, |w| Simd::vectorize(v3, w), |w| Simd::vectorize(v3, w));
                 assert_eq!(bits(wide), bits(narrow), "{width}");
             }
+        }
+    }
+
+    #[test]
+    fn rows_together_get_the_bits_of_each_alone() {
+        let (width, rows) = (40, 2 * TOGETHER + 1);
+        let start = draw(rows * width, 1);
+        let (mut z, mut relu) = (start.clone(), vec![0.0; rows * width]);
+        let mut inverse_std = vec![0.0; rows];
+        norm_relu(&mut z, width, &mut inverse_std, &mut relu);
+        for (row, at) in (0..rows).map(|row| (row, row * width..(row + 1) * width)) {
+            let (mut alone, mut alone_relu, mut factor) =
+                (start[at.clone()].to_vec(), vec![0.0; width], [0.0]);
+            norm_relu(&mut alone, width, &mut factor, &mut alone_relu);
+            assert_eq!((&z[at.clone()], &relu[at]), (&alone[..], &alone_relu[..]), "{row}");
+            assert_eq!(inverse_std[row], factor[0]);
         }
     }
 

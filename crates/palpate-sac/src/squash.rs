@@ -16,7 +16,7 @@ use candle_core::{CpuStorage, CustomOp1, Error, Layout, Result, Shape, Tensor, b
 
 use crate::config::Ops;
 use crate::kernel::vectorised;
-use crate::lanes::{LANES, Lanes, exp, exp_m1, ln_1p, map};
+use crate::lanes::{exp, exp_m1, ln_1p};
 use crate::op::{contiguous, cpu};
 
 /// Bounds of log σ.
@@ -98,21 +98,20 @@ impl CustomOp1 for SquashOp {
         let (storage, noise_layout) = self.noise.storage_and_layout();
         let noise = contiguous(cpu(&storage)?, noise_layout)?;
         let raw = contiguous(raw, layout)?;
-        let (mut tanhs, mut stds) = (vec![0.0; batch * n], vec![0.0; batch * n]);
-        let mut packed = vec![0.0; batch * (n + 1)];
-        let bounds = self.bounds;
-        let rows = raw.chunks_exact(2 * n).zip(noise.chunks_exact(n));
-        let saved = tanhs.chunks_exact_mut(n).zip(stds.chunks_exact_mut(n));
+        let [mut means, mut tanhs, mut stds, mut terms] = [(); 4].map(|()| vec![0.0; batch * n]);
+        for (row, raw) in raw.chunks_exact(width).enumerate() {
+            means[row * n..][..n].copy_from_slice(&raw[..n]);
+            tanhs[row * n..][..n].copy_from_slice(&raw[n..]);
+        }
         vectorised(
             #[inline(always)]
-            || {
-                for (((raw, noise), (tanhs, stds)), packed) in
-                    rows.zip(saved).zip(packed.chunks_exact_mut(n + 1))
-                {
-                    squash_row(bounds, raw, noise, tanhs, stds, packed);
-                }
-            },
+            || squash_all(self.bounds, noise, (&mut means, &mut tanhs), (&mut stds, &mut terms)),
         );
+        let mut packed = Vec::with_capacity(batch * (n + 1));
+        for (actions, terms) in means.chunks_exact(n).zip(terms.chunks_exact(n)) {
+            packed.extend_from_slice(actions);
+            packed.push(terms.iter().fold(0.0, |sum, term| sum + term));
+        }
         let saved = (tanhs, stds);
         *self.saved.lock().map_err(poisoned)? = saved;
         Ok((CpuStorage::F32(packed), (batch, n + 1).into()))
@@ -152,46 +151,27 @@ fn poisoned(error: impl std::fmt::Display) -> Error {
     Error::Msg(format!("values of the squash operation: {error}"))
 }
 
-/// One row of the forward pass.
+/// Means become actions and raw deviations tanh s; σ and the terms of the log-probability come beside them.
 #[inline(always)]
-fn squash_row(
+fn squash_all(
     bounds: LogStd,
-    raw: &[f32],
     noise: &[f32],
-    tanhs: &mut [f32],
-    stds: &mut [f32],
-    packed: &mut [f32],
+    (means, raw_stds): (&mut [f32], &mut [f32]),
+    (stds, terms): (&mut [f32], &mut [f32]),
 ) {
     const HALF_LOG_TAU: f32 = 0.918_938_5;
-    let n = noise.len();
-    let (means, raw_stds) = raw.split_at(n);
-    let mut log_probability = 0.0;
-    for from in (0..n).step_by(LANES) {
-        let here = from..n.min(from + LANES);
-        let pad = |values: &[f32]| {
-            let mut lanes: Lanes = [0.0; LANES];
-            lanes[..here.len()].copy_from_slice(&values[here.clone()]);
-            lanes
-        };
-        let (mean, noise) = (pad(means), pad(noise));
-        let tanh_raw = map(pad(raw_stds), tanh);
-        let log_std = map(tanh_raw, |t| bounds.bounded(t));
-        let std = map(log_std, exp);
-        let u: Lanes = std::array::from_fn(|i| mean[i] + std[i] * noise[i]);
-        let action = map(u, tanh);
-        // Log-density of u, before squashing, less the correction.
-        let terms: Lanes = std::array::from_fn(|i| {
-            let gauss = -0.5 * noise[i] * noise[i] - log_std[i] - HALF_LOG_TAU;
-            gauss - tanh_and_correction(u[i]).1
-        });
-        for term in &terms[..here.len()] {
-            log_probability += term;
-        }
-        for (to, from) in [(&mut *tanhs, tanh_raw), (&mut *stds, std), (&mut *packed, action)] {
-            to[here.clone()].copy_from_slice(&from[..here.len()]);
-        }
+    let in_place = means.iter_mut().zip(raw_stds);
+    let beside = stds.iter_mut().zip(terms);
+    for ((noise, (mean, raw_std)), (std, term)) in noise.iter().zip(in_place).zip(beside) {
+        let tanh_raw = tanh(*raw_std);
+        let log_std = bounds.bounded(tanh_raw);
+        *raw_std = tanh_raw;
+        *std = exp(log_std);
+        let (action, correction) = tanh_and_correction(*mean + *std * noise);
+        *mean = action;
+        // Log-density before squashing, less the correction.
+        *term = (-0.5 * noise * noise - log_std - HALF_LOG_TAU) - correction;
     }
-    packed[n] = log_probability;
 }
 
 /// tanh u.

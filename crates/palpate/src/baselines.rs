@@ -10,7 +10,7 @@ use crate::Config;
 use crate::demonstrate::View;
 
 /// Anything that can be evaluated.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub enum Actor {
     /// a = 0: the force controller alone, at its base gains.
     Zero(Vec<f64>),
@@ -23,7 +23,7 @@ pub enum Actor {
 }
 
 /// A learned policy and the buffers it needs.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Learned {
     policy: Policy,
     sample: Option<ChaCha8Rng>,

@@ -3,6 +3,8 @@
 use std::fmt::Write as _;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use anyhow::Context as _;
 use palpate_env::{Env, Outcome, Summary};
@@ -12,8 +14,9 @@ use palpate_sac::Policy;
 use palpate_safety::{Counts, Guarded, Tally};
 
 use crate::baselines::Actor;
+use crate::parallel::{self, share_out};
 use crate::record::Recorder;
-use crate::stack::{Purpose, sim_env};
+use crate::stack::{Purpose, SimEnv, sim_env};
 use crate::{Config, interrupt};
 
 /// Seed of the episodes when none is given: fresh ones, the same for every run.
@@ -74,16 +77,19 @@ pub struct Row {
     pub faults: usize,
 }
 
-/// Evaluates the last and the kept policy of a run and the baselines.
+/// Evaluates the last and the kept policy of a run and the baselines, on all cores unless episodes are recorded.
 pub fn run(
     dir: &Path,
     options: &Options,
-    mut progress: impl FnMut(&str, u64),
+    progress: impl FnMut(&str, u64) + Send,
 ) -> anyhow::Result<Vec<Row>> {
     RunDir::view(dir)?;
     let config = Config::of_run(dir, &options.set)?;
-    let mut env = sim_env(&config, options.seed, Purpose::Evaluate)?;
-    let dim = env.action_dim();
+    let threads = if options.record.is_some() { 1 } else { parallel::cores() as u64 };
+    let mut envs = (0..threads.min(options.episodes).max(1))
+        .map(|_| sim_env(&config, options.seed, Purpose::Evaluate))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let dim = envs[0].action_dim();
     let mut actors = Vec::new();
     for (name, folder) in
         [("learned (last)", palpate_runs::LAST), ("learned (kept)", palpate_runs::BEST)]
@@ -91,7 +97,7 @@ pub fn run(
         if let Some(path) = CheckpointStore::open(dir)?.find(folder)? {
             let policy = Policy::load(&path)
                 .with_context(|| format!("cannot load the policy in {}", path.display()))?;
-            check_shape(&policy, &env)?;
+            check_shape(&policy, &envs[0])?;
             actors.push((name, Actor::learned(policy, options.stochastic.then_some(options.seed))));
         }
     }
@@ -104,22 +110,30 @@ pub fn run(
     let mut recorder = match &options.record {
         Some(folder) => {
             let recorder = Recorder::new(&config, folder)?;
-            recorder.load(&mut env);
+            recorder.load(&mut envs[0]);
             Some(recorder)
         }
         None => None,
     };
     let mut rows = Vec::new();
-    for (name, mut actor) in actors {
-        let mut kept = 0;
-        let summaries = rollouts(&mut env, &mut actor, options.episodes, |env, summary| {
-            let telling = summary.episode < FIRST || summary.outcome != Outcome::Success;
-            if let Some(recorder) = recorder.as_mut().filter(|_| telling && kept < MOST) {
-                recorder.keep_as(env, name);
-                kept += 1;
+    let told = Mutex::new((&mut recorder, progress));
+    for (name, actor) in actors {
+        let (done, kept) = (AtomicU64::new(0), AtomicUsize::new(0));
+        let episode = |(env, actor): &mut (&mut SimEnv, Actor), episode| {
+            let summary = rollout(env, actor, episode)?;
+            let telling = episode < FIRST || summary.outcome != Outcome::Success;
+            if let Ok((recorder, progress)) = told.lock().as_deref_mut() {
+                if let Some(recorder) = recorder.as_mut().filter(|_| telling)
+                    && kept.fetch_add(1, Ordering::Relaxed) < MOST
+                {
+                    recorder.keep_as(env, name);
+                }
+                progress(name, done.fetch_add(1, Ordering::Relaxed) + 1);
             }
-            progress(name, summary.episode + 1);
-        })?;
+            Ok(summary)
+        };
+        let mut workers: Vec<_> = envs.iter_mut().map(|env| (env, actor.clone())).collect();
+        let summaries = share_out(&mut workers, options.episodes, interrupt::requested, episode)?;
         rows.push(Row::new(name, &summaries));
     }
     match recorder.map_or_else(Vec::new, Recorder::finish) {
@@ -137,22 +151,31 @@ pub fn rollouts<R: Guarded>(
 ) -> anyhow::Result<Vec<Summary>> {
     let mut summaries = Vec::with_capacity(episodes as usize);
     for episode in 0..episodes {
-        env.set_next_episode(episode);
-        env.reset()?;
-        actor.reset(episode);
-        loop {
-            let action = actor.act(env).to_vec();
-            if let Some(summary) = env.step(&action)?.summary {
-                done(env, &summary);
-                summaries.push(summary);
-                break;
-            }
-        }
+        let summary = rollout(env, actor, episode)?;
+        done(env, &summary);
+        summaries.push(summary);
         if interrupt::requested() {
             break;
         }
     }
     Ok(summaries)
+}
+
+/// Runs one episode.
+fn rollout<R: Guarded>(
+    env: &mut Env<R>,
+    actor: &mut Actor,
+    episode: u64,
+) -> anyhow::Result<Summary> {
+    env.set_next_episode(episode);
+    env.reset()?;
+    actor.reset(episode);
+    loop {
+        let action = actor.act(env).to_vec();
+        if let Some(summary) = env.step(&action)?.summary {
+            return Ok(summary);
+        }
+    }
 }
 
 /// Refuses a policy that was trained on other observations or actions than an environment's.

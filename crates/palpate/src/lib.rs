@@ -34,6 +34,7 @@ pub mod evaluate;
 mod flat;
 pub mod interrupt;
 pub mod ledger;
+mod parallel;
 pub mod plot;
 mod progress;
 pub mod real;

@@ -235,4 +235,7 @@ fn what_makes_no_sense_is_refused_in_words() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
     let text = said(command.args(["study", "plan"]).arg(missing).output().unwrap());
     assert!(text.contains("built in: paper"), "{text}");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    let text = said(command.args(["study", "report", "learnr"]).output().unwrap());
+    assert!(text.contains("did you mean learner?"), "{text}");
 }

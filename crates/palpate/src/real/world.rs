@@ -68,7 +68,8 @@ impl RealTime {
             match self.news()? {
                 Some(News::Measured(x)) => {
                     if !std::mem::replace(&mut begun, true) {
-                        trials.begin(f64::from(pupil.agent.q_start(&x.observation)?));
+                        trials.begin();
+                        trials.expected(f64::from(pupil.agent.q_start(&x.observation)?));
                     }
                     trials.step(f64::from(x.reward), x.summary.as_ref());
                     let over = x.summary.is_some();

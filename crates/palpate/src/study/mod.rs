@@ -22,6 +22,7 @@ use anyhow::Context as _;
 use clap::{Args, Subcommand};
 
 use crate::interrupt;
+use crate::parallel::cores;
 use folder::Folder;
 use one::End;
 use plan::Planned;
@@ -147,13 +148,6 @@ impl Share {
         writeln!(std::io::stdout(), "{done} runs done, {left} left, {failed} failed\n{next}")?;
         Ok(ExitCode::from(tally.code()))
     }
-}
-
-/// Cores that this process may use: by affinity, control group, and what Slurm gave the task.
-fn cores() -> usize {
-    let here = std::thread::available_parallelism().map_or(1, usize::from);
-    let given = std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|text| text.parse().ok());
-    given.map_or(here, |given: usize| given.clamp(1, here))
 }
 
 impl Study {

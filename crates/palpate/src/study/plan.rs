@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, bail, ensure};
+use palpate_runs::config::nearest;
 use toml::Table;
 
 use super::block::Block;
@@ -140,7 +141,9 @@ pub(super) fn text(name: &Path) -> anyhow::Result<String> {
     }
     let known: Vec<&str> = STUDIES.iter().map(|(name, _)| *name).collect();
     std::fs::read_to_string(name).with_context(|| {
-        format!("cannot read the study {} (built in: {})", name.display(), known.join(", "))
+        let near = name.to_str().and_then(|name| nearest(name, known.iter().copied()));
+        let hint = near.map_or_else(String::new, |near| format!("; did you mean {near}?"));
+        format!("cannot read the study {} (built in: {}){hint}", name.display(), known.join(", "))
     })
 }
 

@@ -96,10 +96,11 @@ pub(super) fn all(folder: &Folder, indices: &[usize], share: &Share) -> anyhow::
             }
         }
         running = still;
-        if running.is_empty() && (stop || waiting.is_empty()) {
+        let over = running.is_empty() && (stop || waiting.is_empty());
+        view.show(tally.done, indices.len(), &running, over);
+        if over {
             break;
         }
-        view.show(tally.done, indices.len(), &running);
         std::thread::sleep(LOOK);
     }
     tally.left += waiting.len();
@@ -184,8 +185,8 @@ impl<'a> View<'a> {
         Self { folder, console, runs, shown, pause }
     }
 
-    fn show(&mut self, done: usize, of: usize, running: &[Running<'_>]) {
-        if self.shown.is_some_and(|shown| shown.elapsed() < self.pause) {
+    fn show(&mut self, done: usize, of: usize, running: &[Running<'_>], surely: bool) {
+        if !surely && self.shown.is_some_and(|shown| shown.elapsed() < self.pause) {
             return;
         }
         self.shown = Some(Instant::now());
@@ -193,9 +194,9 @@ impl<'a> View<'a> {
             let part = self.folder.steps(job.run) as f64 / job.run.steps.max(1) as f64;
             format!("{} {:.0} %", job.run.id, 100.0 * part.min(1.0))
         };
-        let now: Vec<String> = running.iter().map(one).collect();
-        let line = format!(" {done} of {of} runs done; {}", now.join(", "));
+        let mut words = vec![format!(" {done} of {of} runs done")];
+        words.extend(running.iter().map(one));
         let steps = taken(self.folder, &self.runs);
-        self.console.update(steps, &line);
+        self.console.update(steps, &words.join("; "));
     }
 }

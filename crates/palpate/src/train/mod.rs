@@ -30,6 +30,7 @@ use palpate_sim::SimArm;
 use crate::config::{Choice, Config};
 use crate::demonstrate::file::Demonstrations;
 use crate::interrupt;
+use crate::parallel;
 use crate::progress::Progress;
 use crate::stack::{self, Purpose};
 pub use profile::TimeSpent;
@@ -173,7 +174,10 @@ pub(crate) fn last_checkpoint(
 fn simulation(config: &Config, next_episode: u64) -> anyhow::Result<Lockstep<SimArm>> {
     let mut env = timed_env(config, Purpose::Train)?;
     env.set_next_episode(next_episode);
-    Ok(Lockstep { env, monitor: timed_env(config, Purpose::Monitor)?, recorder: None })
+    let threads = if config.sac.threads == 0 { parallel::cores() } else { config.sac.threads };
+    let monitors = (threads as u64).min(config.run.evaluate_episodes).max(1);
+    let monitors = (0..monitors).map(|_| timed_env(config, Purpose::Monitor));
+    Ok(Lockstep { env, monitors: monitors.collect::<Result<_, _>>()?, recorder: None })
 }
 
 fn timed_env(config: &Config, purpose: Purpose) -> anyhow::Result<Env<Safe<Timed<SimArm>>>> {

@@ -80,3 +80,19 @@ pub(super) const LEDGER: &[&str] = &[
     "executed_q4",
     "executed_q5",
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use palpate_safety::Cause;
+
+    #[test]
+    fn the_reference_names_every_column_and_every_cause() {
+        let page = include_str!("../../../../docs/reference/tables.md");
+        let joints = |column: &&str| !column.contains("_q") || column.ends_with(['0', '5']);
+        let columns = [METRICS, EPISODES, LEDGER].into_iter().flatten().copied();
+        for name in columns.filter(joints).chain(Cause::ALL.iter().map(|cause| cause.name())) {
+            assert!(page.contains(&format!("`{name}`")), "{name}");
+        }
+    }
+}

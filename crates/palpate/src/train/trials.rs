@@ -24,10 +24,14 @@ impl Trials {
         Self { gamma, scale, summaries: Vec::new(), gap: 0.0, weight: 0.0 }
     }
 
-    /// An episode starts where the critic expects this much.
-    pub(crate) fn begin(&mut self, q_start: f64) {
-        self.gap += q_start;
+    /// An episode starts.
+    pub(crate) fn begin(&mut self) {
         self.weight = self.scale;
+    }
+
+    /// The critic expected this much at the start of an episode.
+    pub(crate) fn expected(&mut self, q_start: f64) {
+        self.gap += q_start;
     }
 
     /// A step of it.
@@ -35,6 +39,12 @@ impl Trials {
         self.gap -= self.weight * reward;
         self.weight *= self.gamma;
         self.summaries.extend(summary.cloned());
+    }
+
+    /// Takes in the episodes of another account.
+    pub(crate) fn join(&mut self, other: Self) {
+        self.gap += other.gap;
+        self.summaries.extend(other.summaries);
     }
 
     /// What it came to at this step of the run.

@@ -1,6 +1,7 @@
 //! Where experience comes from.
 
 use std::path::Path;
+use std::sync::Mutex;
 use std::time::Duration;
 
 use palpate_env::{Env, Outcome};
@@ -14,6 +15,7 @@ use super::pupil::Pupil;
 use super::trials::Trials;
 use crate::Config;
 use crate::baselines::Actor;
+use crate::parallel;
 use crate::progress::Evaluation;
 use crate::record::{self, Kind, Recorder};
 
@@ -37,8 +39,8 @@ pub(crate) trait World {
 pub(crate) struct Lockstep<B: RobotBackend> {
     /// Training episodes.
     pub(crate) env: Env<Safe<Timed<B>>>,
-    /// Frozen starts of the evaluations.
-    pub(crate) monitor: Env<Safe<Timed<B>>>,
+    /// Frozen starts of the evaluations, the same in each; they work at the same time.
+    pub(crate) monitors: Vec<Env<Safe<Timed<B>>>>,
     /// Keeps collisions and evaluations.
     pub(crate) recorder: Option<Recorder>,
 }
@@ -61,14 +63,14 @@ impl<B: RobotBackend> Lockstep<B> {
             recorder.load(&mut self.env);
         }
         if config.record.evaluations > 0 {
-            recorder.load(&mut self.monitor);
+            self.monitors.iter_mut().for_each(|monitor| recorder.load(monitor));
         }
         self.recorder = Some(recorder);
         Ok(self)
     }
 }
 
-impl<B: RobotBackend> World for Lockstep<B> {
+impl<B: RobotBackend + Send> World for Lockstep<B> {
     /// An update of the learner after every step.
     fn episode(&mut self, pupil: &mut Pupil) -> anyhow::Result<()> {
         let (rebuilt, mut laps) = (self.env.rebuilt(), Laps::begin());
@@ -116,30 +118,42 @@ impl<B: RobotBackend> World for Lockstep<B> {
 
     /// Deterministic episodes on the same starts every time.
     fn evaluate(&mut self, pupil: &mut Pupil) -> anyhow::Result<Option<Evaluation>> {
-        let (config, agent) = (&pupil.config, &pupil.agent);
-        let mut trials = Trials::new(&config.sac);
-        let mut actor = Actor::learned(agent.policy(), None);
-        for episode in 0..config.run.evaluate_episodes {
-            self.monitor.set_next_episode(episode);
-            self.monitor.reset()?;
+        let (config, step) = (&pupil.config, pupil.progress.step);
+        let recorder = Mutex::new(self.recorder.as_mut());
+        let mut workers: Vec<_> = self
+            .monitors
+            .iter_mut()
+            .map(|monitor| (monitor, Actor::learned(pupil.agent.policy(), None)))
+            .collect();
+        let trial = |(monitor, actor): &mut (&mut Env<Safe<Timed<B>>>, Actor), episode| {
+            monitor.set_next_episode(episode);
+            monitor.reset()?;
             actor.reset(episode);
-            trials.begin(f64::from(agent.q_start(self.monitor.observation())?));
+            let start = monitor.observation().to_vec();
+            let mut trial = Trials::new(&config.sac);
+            trial.begin();
             loop {
-                let action = actor.act(&self.monitor).to_vec();
-                let step = self.monitor.step(&action)?;
-                trials.step(step.reward.total(), step.summary.as_ref());
+                let action = actor.act(monitor).to_vec();
+                let step = monitor.step(&action)?;
+                trial.step(step.reward.total(), step.summary.as_ref());
                 if step.summary.is_some() {
                     break;
                 }
             }
-            if let Some(recorder) = &mut self.recorder
-                && episode < config.record.evaluations
+            if episode < config.record.evaluations
+                && let Ok(Some(recorder)) = recorder.lock().as_deref_mut()
             {
-                let kind = Kind::Evaluation { step: pupil.progress.step, episode };
-                recorder.keep(&mut self.monitor, kind, true);
+                recorder.keep(monitor, Kind::Evaluation { step, episode }, true);
             }
+            Ok((start, trial))
+        };
+        let episodes = config.run.evaluate_episodes;
+        let mut trials = Trials::new(&config.sac);
+        for (start, trial) in parallel::share_out(&mut workers, episodes, || false, trial)? {
+            trials.expected(f64::from(pupil.agent.q_start(&start)?));
+            trials.join(trial);
         }
-        Ok(Some(trials.result(pupil.progress.step)))
+        Ok(Some(trials.result(step)))
     }
 
     fn end(self) -> (Option<serde_json::Value>, Vec<String>) {
