@@ -79,11 +79,32 @@ impl Smoke {
         let updates = last_value(&fs::read_to_string(cut.join(CURVES[0]))?, "train/n_updates")?;
         ensure!(updates > 0.0, "{LONG} steps without one update of the learner");
 
+        println!("… and gone on from, on a harder task");
+        self.inherit(&cut, updates)?;
         let policies = self.evaluate(&cut)?;
         let figures = self.plot(&cut)?;
         Ok(format!(
             "killed and interrupted run equals the straight one; {policies} policies evaluated; {figures} figures"
         ))
+    }
+
+    /// A new run begins with the learner of another, which had done so many updates.
+    fn inherit(&self, run: &Path, before: f64) -> anyhow::Result<()> {
+        let heir = self.dir.join("heir");
+        let mut command = self.palpate(&["train-sim", "--steps", "150", "--set"]);
+        command.arg("sim.hole.chamfer=0").arg("--from").arg(run).arg("--out").arg(&heir);
+        self.finish(&mut command)?;
+        let metrics = fs::read_to_string(heir.join(CURVES[0]))?;
+        let after = last_value(&metrics, "train/n_updates")?;
+        let steps = last_value(&metrics, "time/total_timesteps")?;
+        ensure!(
+            after > before && steps < before,
+            "{steps} steps of an heir: {after} updates after {before}"
+        );
+        let refused = command.args(["--set", "sac.n_step=1"]).output()?;
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        ensure!(said.contains("sac.n_step was 5 and is 1"), "another learner is inherited: {said}");
+        Ok(())
     }
 
     /// On all cores; and, as recordings are made, on one: the same figures.

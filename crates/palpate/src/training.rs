@@ -56,8 +56,12 @@ pub(crate) struct Training {
 pub(crate) struct TrainSim {
     #[command(flatten)]
     training: Training,
+    /// Start a new run with the learner of this one, usually taught an easier task, under its configuration with --config
+    /// and --set over it.
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model", "demonstrations", "device"])]
+    from: Option<PathBuf>,
     /// Continue a run from its last checkpoint, exactly; --steps may extend it.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "device", "seed", "out"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "device", "seed", "out", "from"])]
     resume: Option<PathBuf>,
     /// Say at the end where the time went: simulation, control, inference, update, logging.
     #[arg(long)]
@@ -70,9 +74,10 @@ impl TrainSim {
             train::resume(dir, self.training.steps)?
         } else {
             let (choice, out) = (self.training.choice(), self.training.out.as_deref());
-            match &self.training.demonstrations {
-                Some(shown) => train::start_shown(&choice, shown, out)?,
-                None => train::start(&choice, out)?,
+            match (&self.from, &self.training.demonstrations) {
+                (Some(run), _) => train::start_from(run, &choice, out)?,
+                (None, Some(shown)) => train::start_shown(&choice, shown, out)?,
+                (None, None) => train::start(&choice, out)?,
             }
         };
         if self.profile {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
-use palpate_runs::{CheckpointStore, LAST, RunDir};
+use palpate_runs::RunDir;
 use palpate_sac::Sac;
 
 use super::exchange::Exchange;
@@ -17,7 +17,7 @@ use crate::progress::Progress;
 use crate::record::{self, OnArm, Recorder};
 use crate::stack::{Purpose, sim_env, stream};
 use crate::train::pupil::Pupil;
-use crate::train::{create, fresh, last_checkpoint, run};
+use crate::train::{create, fresh, heir, last_checkpoint, run};
 
 /// What to train, where, and from what.
 #[derive(Clone, Debug)]
@@ -113,10 +113,6 @@ fn learner(
         let agent = fresh(config, shown, (env.observation_dim(), env.action_dim()))?;
         return Ok((agent, Progress::default(), None));
     };
-    let checkpoint = CheckpointStore::open(run)?
-        .find(LAST)?
-        .with_context(|| format!("{} holds no checkpoint", run.display()))?;
-    let agent = Sac::load(&checkpoint)?;
-    crate::evaluate::check_shape(&agent.policy(), &env)?;
+    let agent = heir(run, config, &env)?;
     Ok((agent, Progress::default(), None))
 }

@@ -22,13 +22,14 @@ use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use palpate_env::Env;
-use palpate_runs::{DEMONSTRATIONS, RunDir};
+use palpate_runs::{CheckpointStore, DEMONSTRATIONS, LAST, RunDir};
 use palpate_sac::Sac;
-use palpate_safety::Safe;
+use palpate_safety::{Guarded, Safe};
 use palpate_sim::SimArm;
 
 use crate::config::{Choice, Config};
 use crate::demonstrate::file::Demonstrations;
+use crate::evaluate;
 use crate::interrupt;
 use crate::parallel;
 use crate::progress::Progress;
@@ -51,6 +52,41 @@ pub fn start_shown(
 ) -> anyhow::Result<TimeSpent> {
     let shown = Demonstrations::read(demonstrations)?;
     begin(Config::load_shown(choice, None)?, Some(&shown), out)
+}
+
+/// Starts a new run with the learner of another, replay included, under that run's settings, changed by the file and
+/// the overrides of `choice`: on a harder task, say.
+///
+/// # Errors
+/// If `run` was made on an arm or holds no checkpoint, and if its learner would have to be another one.
+pub fn start_from(run: &Path, choice: &Choice, out: Option<&Path>) -> anyhow::Result<TimeSpent> {
+    let config = Config::of_run_with(run, choice.file.as_deref(), &choice.set)?;
+    if config.ur.is_some() {
+        bail!("{} is a run on an arm: go on from it with train-real --from", run.display());
+    }
+    let world = simulation(&config, 0)?;
+    let agent = heir(run, &config, &world.env)?;
+    let dir = create(&config, None, out)?;
+    let world = world.recorded(&config, dir.path())?;
+    let mut pupil = Pupil::new(config, dir, agent, Progress::default(), "train-sim")?;
+    // Something to continue from, whatever happens in the first minutes.
+    pupil.checkpoint()?;
+    self::run(world, pupil)
+}
+
+/// The learner of a run, to go on learning in an environment of this configuration.
+pub(crate) fn heir<R: Guarded>(run: &Path, config: &Config, env: &Env<R>) -> anyhow::Result<Sac> {
+    let checkpoint = CheckpointStore::open(run)?
+        .find(LAST)?
+        .with_context(|| format!("{} holds no checkpoint", run.display()))?;
+    let path = checkpoint.join(CONFIG);
+    let then = std::fs::read_to_string(&path)
+        .with_context(|| format!("cannot read {}", path.display()))?;
+    past::same_learner(&then, config)
+        .with_context(|| format!("the learner of {} stays as it is", run.display()))?;
+    let agent = Sac::load(&checkpoint)?;
+    evaluate::check_shape(&agent.policy(), env)?;
+    Ok(agent)
 }
 
 fn begin(

@@ -16,11 +16,20 @@ fn may_differ(key: &str) -> bool {
 /// # Errors
 /// Naming every setting that would change the past.
 pub(super) fn unchanged(checkpoint: &str, now: &Config) -> anyhow::Result<()> {
+    compared(checkpoint, now, |key| !may_differ(key))
+}
+
+/// The same where a new run begins with a checkpoint's learner: that one stays what it is, all else may change.
+pub(super) fn same_learner(checkpoint: &str, now: &Config) -> anyhow::Result<()> {
+    compared(checkpoint, now, |key| key.starts_with("sac.") && !may_differ(key))
+}
+
+fn compared(checkpoint: &str, now: &Config, matters: impl Fn(&str) -> bool) -> anyhow::Result<()> {
     // Through the configuration: keys that are younger than the checkpoint stand at what it was made with.
     let then: Config = toml::from_str(checkpoint)
         .context("the configuration in its checkpoint is not of this version")?;
     let mut changes = differences(&then, now)?;
-    changes.retain(|(key, _)| !may_differ(key));
+    changes.retain(|(key, _)| matters(key));
     if changes.is_empty() {
         return Ok(());
     }
@@ -83,6 +92,16 @@ mod tests {
         assert!(said.contains("run.seed was 1 and is 9"), "{said}");
         assert!(!said.contains("run.steps"), "{said}");
         assert_eq!(said.lines().count(), 4, "{said}");
+    }
+
+    #[test]
+    fn an_heir_may_change_its_world_and_not_its_learner() {
+        let then = config(&[]).to_toml().unwrap();
+        let world = ["sim.friction=0.4", "task.goal_spread.position=[0.002, 0.002, 0.001]"];
+        let world = [&world[..], &["run.seed=9", "sac.threads=1", "safety.force_max=20"]].concat();
+        same_learner(&then, &config(&world)).unwrap();
+        let said = same_learner(&then, &config(&["sac.n_step=3"])).unwrap_err().to_string();
+        assert!(said.contains("sac.n_step was 5 and is 3"), "{said}");
     }
 
     #[test]
