@@ -2,10 +2,10 @@
 
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 
 use crate::process::{pass_on, pump};
 use crate::workspace::cargo;
@@ -24,12 +24,31 @@ fn built_with(features: &[&str]) -> anyhow::Result<PathBuf> {
 
 /// Builds and becomes `palpate ARGS…`.
 pub(crate) fn exec(args: &[OsString]) -> anyhow::Result<ExitCode> {
-    let on_a_gpu = args.windows(2).any(|pair| pair[0] == "--device" && pair[1] == "cuda")
-        || args.iter().any(|arg| arg == "--device=cuda");
-    let features: &[&str] = if on_a_gpu { &["--features", "cuda"] } else { &[] };
+    let features: &[&str] = if on_a_gpu(args) {
+        ensure!(
+            Command::new("nvcc").arg("--version").stdout(Stdio::null()).status().is_ok(),
+            "updates on a GPU are built with NVIDIA's CUDA toolkit, and there is no nvcc in PATH: install the toolkit \
+             and put its bin/ there, or leave --device cuda away"
+        );
+        &["--features", "cuda"]
+    } else {
+        &[]
+    };
     let mut command = Command::new(built_with(features)?);
     command.args(args);
     become_it(command)
+}
+
+/// Whether updates are asked for on a GPU, or were so by the run that is gone on with.
+fn on_a_gpu(args: &[OsString]) -> bool {
+    let pairs = || args.windows(2).map(|pair| (&pair[0], &pair[1]));
+    let was = |run: &OsString| {
+        let text = std::fs::read_to_string(Path::new(run).join("config.toml")).unwrap_or_default();
+        text.lines().any(|line| line.trim() == "device = \"cuda\"")
+    };
+    pairs().any(|(key, value)| key == "--device" && value == "cuda")
+        || args.iter().any(|arg| arg == "--device=cuda")
+        || pairs().any(|(key, run)| (key == "--resume" || key == "--from") && was(run))
 }
 
 /// Replaces this process, so that there is one process for Ctrl-C to reach and one exit code.
@@ -141,6 +160,22 @@ mod tests {
             "{shown}"
         );
         assert_eq!(gate.take(b"    Finished"), b"    Finished");
+    }
+
+    #[test]
+    fn a_gpu_is_asked_for_by_word_or_by_a_run() {
+        let run = std::env::temp_dir().join(format!("palpate-gpu-{}", std::process::id()));
+        std::fs::create_dir_all(&run).unwrap();
+        let wants = |args: &str| {
+            let args = args.replace("RUN", &run.to_string_lossy());
+            on_a_gpu(&args.split(' ').map(OsString::from).collect::<Vec<_>>())
+        };
+        assert!(wants("train-sim --device cuda") && wants("train-sim --device=cuda"));
+        assert!(!wants("train-sim --device cpu") && !wants("train-sim --resume RUN"));
+        std::fs::write(run.join("config.toml"), "[sac]\ndevice = \"cuda\"\n").unwrap();
+        assert!(wants("train-sim --resume RUN") && wants("train-sim --from RUN --steps 9"));
+        assert!(!wants("evaluate RUN"));
+        std::fs::remove_dir_all(&run).unwrap();
     }
 
     #[test]

@@ -21,7 +21,10 @@ impl Processor {
     pub(crate) fn device(self) -> Result<Device, SacError> {
         match self {
             Self::Cpu => Ok(Device::Cpu),
-            Self::Cuda => Device::new_cuda(0).map_err(|e| SacError::Cuda(e.to_string())),
+            Self::Cuda => Device::new_cuda(0).map_err(|e| {
+                // With RUST_BACKTRACE set candle's message brings its backtrace along.
+                SacError::Cuda(e.to_string().lines().next().unwrap_or_default().into())
+            }),
         }
     }
 }

@@ -9,9 +9,6 @@
 
 use pulp::{Simd, WithSimd};
 
-/// Inner indices whose left factors are gathered at a time.
-const GATHER: usize = 256;
-
 /// The left factor A, row-major in memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Left<'a> {
@@ -61,23 +58,22 @@ impl<F: FnMut(usize, &mut [f32])> WithSimd for Product<'_, F> {
     // Compiled for the vector unit only inside its caller, as everything below.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // Sixteen or twelve running sums hide the latency of the multiply-adds and leave registers for the factors.
+        // Up to 24 or 12 running sums hide the latency of the multiply-adds and leave registers for the factors.
         if S::REGISTER_COUNT >= 32 {
-            self.in_blocks::<S, 8, 2>(simd);
+            self.in_blocks::<S, 8>(simd);
         } else {
-            self.in_blocks::<S, 4, 3>(simd);
+            self.in_blocks::<S, 4>(simd);
         }
     }
 }
 
 impl<F: FnMut(usize, &mut [f32])> Product<'_, F> {
     #[inline(always)]
-    fn in_blocks<S: Simd, const HEIGHT: usize, const WIDTH: usize>(mut self, simd: S) {
+    fn in_blocks<S: Simd, const HEIGHT: usize>(mut self, simd: S) {
         let Self { left, right, stride, inner, start, columns, .. } = self;
         if columns == 0 {
             return;
         }
-        let mut gathered = [[0.0; HEIGHT]; GATHER];
         for (index, output) in self.output.chunks_mut(HEIGHT * columns).enumerate() {
             let row = index * HEIGHT;
             let full = output.len() == HEIGHT * columns;
@@ -86,33 +82,25 @@ impl<F: FnMut(usize, &mut [f32])> Product<'_, F> {
                 Left::Rows(a) if full => {
                     let rows: [&[f32]; HEIGHT] =
                         std::array::from_fn(|r| &a[(row + r) * inner..][..inner]);
-                    block.run::<S, HEIGHT, WIDTH>(simd, |p| std::array::from_fn(|r| rows[r][p]));
+                    block.run::<S, HEIGHT>(simd, |p| std::array::from_fn(|r| rows[r][p]));
                 }
                 Left::Rows(a) => {
                     for (r, output) in block.output.chunks_exact_mut(columns).enumerate() {
                         let a = &a[(row + r) * inner..][..inner];
-                        Block { output, ..block }.run::<S, 1, WIDTH>(simd, |p| [a[p]]);
+                        Block { output, ..block }.run::<S, 1>(simd, |p| [a[p]]);
                     }
                 }
                 Left::Columns { values, width, first } if full => {
-                    let from = first + row;
-                    let sources = values.chunks(GATHER * width).zip(right.chunks(GATHER * stride));
-                    for (a, right) in sources.take(inner.div_ceil(GATHER)) {
-                        let mut count = 0;
-                        for (to, a) in gathered.iter_mut().zip(a.chunks_exact(width)) {
-                            to.copy_from_slice(&a[from..from + HEIGHT]);
-                            count += 1;
-                        }
-                        let a = &gathered[..count];
-                        (block.right, block.inner) = (right, count);
-                        block.run::<S, HEIGHT, WIDTH>(simd, |p| a[p]);
-                        block.start = Start::Output;
-                    }
+                    let a = &values[first + row..];
+                    block.run::<S, HEIGHT>(simd, |p| {
+                        let a = &a[p * width..][..HEIGHT];
+                        std::array::from_fn(|r| a[r])
+                    });
                 }
                 Left::Columns { values, width, first } => {
                     for (r, output) in block.output.chunks_exact_mut(columns).enumerate() {
                         let a = &values[first + row + r..];
-                        Block { output, ..block }.run::<S, 1, WIDTH>(simd, |p| [a[p * width]]);
+                        Block { output, ..block }.run::<S, 1>(simd, |p| [a[p * width]]);
                     }
                 }
             }
@@ -133,32 +121,35 @@ struct Block<'a> {
 
 impl Block<'_> {
     #[inline(always)]
-    fn run<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
+    fn run<S: Simd, const HEIGHT: usize>(
         &mut self,
         simd: S,
         left: impl Fn(usize) -> [f32; HEIGHT] + Copy,
     ) {
-        let (lanes, mut column) = (S::F32_LANES, 0);
-        while column + WIDTH * lanes <= self.columns {
-            self.tile::<S, HEIGHT, WIDTH>(simd, left, column);
-            column += WIDTH * lanes;
-        }
-        while column + lanes <= self.columns {
-            self.tile::<S, HEIGHT, 1>(simd, left, column);
-            column += lanes;
+        let mut column = 0;
+        loop {
+            // Three vectors wide, and two where three would leave a single one.
+            let width = match (self.columns - column) / S::F32_LANES {
+                0 => break,
+                1 => self.tile::<S, HEIGHT, 1>(simd, left, column),
+                2 | 4 => self.tile::<S, HEIGHT, 2>(simd, left, column),
+                _ => self.tile::<S, HEIGHT, 3>(simd, left, column),
+            };
+            column += width;
         }
         if column < self.columns {
             self.edge::<S, HEIGHT>(simd, left, column);
         }
     }
 
+    /// Some vectors of columns, from this one on; how many columns they are.
     #[inline(always)]
     fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
         &mut self,
         simd: S,
         left: impl Fn(usize) -> [f32; HEIGHT],
         column: usize,
-    ) {
+    ) -> usize {
         let width = WIDTH * S::F32_LANES;
         let mut sums = [[simd.splat_f32s(0.0); WIDTH]; HEIGHT];
         match self.start {
@@ -186,6 +177,7 @@ impl Block<'_> {
             let row = &mut self.output[r * self.columns + column..][..width];
             S::as_mut_simd_f32s(row).0.copy_from_slice(sums);
         }
+        width
     }
 
     /// The last columns, where they do not fill a vector.
