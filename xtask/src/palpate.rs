@@ -41,14 +41,19 @@ pub(crate) fn exec(args: &[OsString]) -> anyhow::Result<ExitCode> {
 
 /// Whether updates are asked for on a GPU, or were so by the run that is gone on with.
 fn on_a_gpu(args: &[OsString]) -> bool {
-    let pairs = || args.windows(2).map(|pair| (&pair[0], &pair[1]));
-    let was = |run: &OsString| {
+    let was = |run: &str| {
         let text = std::fs::read_to_string(Path::new(run).join("config.toml")).unwrap_or_default();
         text.lines().any(|line| line.trim() == "device = \"cuda\"")
     };
-    pairs().any(|(key, value)| key == "--device" && value == "cuda")
-        || args.iter().any(|arg| arg == "--device=cuda")
-        || pairs().any(|(key, run)| (key == "--resume" || key == "--from") && was(run))
+    let args: Vec<_> = args.iter().map(|arg| arg.to_string_lossy()).collect();
+    let apart = args.windows(2).map(|pair| (&*pair[0], &*pair[1]));
+    let joined = args.iter().filter_map(|arg| arg.split_once('='));
+    apart.chain(joined).any(|(key, value)| match key {
+        "--device" => value == "cuda",
+        "--resume" | "--from" => was(value),
+        "--set" => value.replace(['"', ' '], "") == "sac.device=cuda",
+        _ => false,
+    })
 }
 
 /// Replaces this process, so that there is one process for Ctrl-C to reach and one exit code.
@@ -174,6 +179,10 @@ mod tests {
         assert!(!wants("train-sim --device cpu") && !wants("train-sim --resume RUN"));
         std::fs::write(run.join("config.toml"), "[sac]\ndevice = \"cuda\"\n").unwrap();
         assert!(wants("train-sim --resume RUN") && wants("train-sim --from RUN --steps 9"));
+        assert!(wants("train-sim --resume=RUN") && wants("train-sim --from=RUN"));
+        assert!(
+            wants("train-sim --set sac.device=\"cuda\"") && !wants("train-sim --set sac.gamma=1")
+        );
         assert!(!wants("evaluate RUN"));
         std::fs::remove_dir_all(&run).unwrap();
     }

@@ -98,7 +98,7 @@ impl Smoke {
         let after = last_value(&metrics, "train/n_updates")?;
         let steps = last_value(&metrics, "time/total_timesteps")?;
         ensure!(
-            after > before && steps < before,
+            after > before && steps < 600.0,
             "{steps} steps of an heir: {after} updates after {before}"
         );
         let refused = command.args(["--set", "sac.n_step=1"]).output()?;

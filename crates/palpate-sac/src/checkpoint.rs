@@ -134,11 +134,25 @@ impl Sac {
     /// # Errors
     /// If a file is missing, cut short, of another format, or does not fit the others.
     pub fn load(directory: &Path) -> Result<Self, SacError> {
+        Self::read(directory, None)
+    }
+
+    /// The same, with updates on this many threads ([`SacConfig::threads`](crate::SacConfig::threads)), which changes no
+    /// result.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load), and for a number of threads that there cannot be.
+    pub fn load_on(directory: &Path, threads: usize) -> Result<Self, SacError> {
+        Self::read(directory, Some(threads))
+    }
+
+    fn read(directory: &Path, threads: Option<usize>) -> Result<Self, SacError> {
         let path = directory.join(STATE);
         let text =
             std::fs::read(&path).map_err(|source| SacError::Io { path: path.clone(), source })?;
-        let state: State =
+        let mut state: State =
             serde_json::from_slice(&text).map_err(|e| SacError::checkpoint(&path, e))?;
+        state.config.threads = threads.unwrap_or(state.config.threads);
         check_format(&path, state.format)?;
         let (o, a) = (state.observation_dim, state.action_dim);
 

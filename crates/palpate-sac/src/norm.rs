@@ -1,8 +1,8 @@
 //! LayerNorm with ReLU, forward and backward, on rows that have just been computed.
 //!
 //! Sums run in 32 lanes whatever the vector unit: two rounds of sixteen, added up, then folded pairwise. Nothing
-//! is contracted into fused multiply-adds, so an instruction set changes the speed and not one bit. Rows go
-//! through together, as many as there are, up to four: each waits for its own sums, and the others fill the wait.
+//! is contracted into fused multiply-adds, so an instruction set changes the speed and not one bit. Four rows go
+//! through together: each waits for its own sums, and the others fill the wait. What is left goes alone.
 #![expect(
     clippy::inline_always,
     reason = "code is compiled for the vector unit only inside its caller"

@@ -224,7 +224,6 @@ fn vectors<S: Simd, const WIDTH: usize>(values: &[f32]) -> [S::f32s; WIDTH] {
 mod tests {
     use super::*;
     use crate::rng::{Streams, fill_normal};
-    use crate::turn::transpose;
 
     fn draw(count: usize, seed: u64) -> Vec<f32> {
         let mut values = vec![0.0; count];
@@ -250,8 +249,8 @@ mod tests {
         work.run();
     }
 
-    /// Sizes with and without remainders, more than one gathering, one row, one column.
-    const SIZES: [(usize, usize, usize); 7] = [
+    /// Sizes with and without remainders, of one to seven vectors and a piece of one, one row, one column.
+    const SIZES: [(usize, usize, usize); 9] = [
         (16, 32, 32),
         (8, 256, 64),
         (13, 21, 37),
@@ -259,16 +258,24 @@ mod tests {
         (9, 300, 1),
         (24, 7, 48),
         (3, 600, 20),
+        (8, 9, 83),
+        (9, 11, 115),
     ];
+
+    /// Columns that are not asked for.
+    const OTHERS: usize = 5;
 
     #[test]
     fn every_element_is_its_chain_whatever_the_tiles() {
         for (rows, inner, columns) in SIZES {
             let (a, b) = (draw(rows * inner, 1), draw(inner * columns, 2));
-            let mut turned = vec![0.0; a.len()];
-            transpose(&a, inner, &mut turned);
+            // Rows of Aᵀ with something else in front.
+            let mut turned = vec![f32::NAN; inner * (OTHERS + rows)];
+            for (p, turned) in turned.chunks_exact_mut(OTHERS + rows).enumerate() {
+                turned[OTHERS..].iter_mut().enumerate().for_each(|(i, x)| *x = a[i * inner + p]);
+            }
             let (bias, first) = (draw(columns, 3), draw(rows * columns, 4));
-            let left = Left::Columns { values: &turned, width: rows, first: 0 };
+            let left = Left::Columns { values: &turned, width: OTHERS + rows, first: OTHERS };
             for left in [Left::Rows(&a), left] {
                 for start in [Start::Zero, Start::Bias(&bias), Start::Output] {
                     for run in [wide, narrow] {

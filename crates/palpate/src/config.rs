@@ -248,10 +248,18 @@ impl Config {
             }
         }
         let name = path.display().to_string();
-        let layers: Vec<Layer> = file.map(file_layer).transpose()?.into_iter().collect();
+        let file = file.map(file_layer).transpose()?;
+        let idle = !names_an_arm(&text) && file.as_ref().is_some_and(|f| names_an_arm(&f.text));
+        if idle {
+            text += &arm_text(&UrConfig::at(""))?;
+        }
+        let layers: Vec<Layer> = file.into_iter().collect();
         let read = || -> anyhow::Result<Self> {
             let table = resolve(&Layer { name: name.clone(), text }, &layers, &set, OPEN)?;
-            let config: Self = parse(table)?;
+            let mut config: Self = parse(table)?;
+            if idle {
+                config.ur = None;
+            }
             config.validate()?;
             Ok(config)
         };

@@ -77,7 +77,8 @@ pub struct Row {
     pub faults: usize,
 }
 
-/// Evaluates the last and the kept policy of a run and the baselines, on all cores unless episodes are recorded.
+/// Evaluates the last and the kept policy of a run and the baselines, on all cores unless episodes are recorded. After
+/// an interrupt, as far as it got.
 pub fn run(
     dir: &Path,
     options: &Options,
@@ -134,7 +135,12 @@ pub fn run(
         };
         let mut workers: Vec<_> = envs.iter_mut().map(|env| (env, actor.clone())).collect();
         let summaries = share_out(&mut workers, options.episodes, interrupt::requested, episode)?;
-        rows.push(Row::new(name, &summaries));
+        if !summaries.is_empty() {
+            rows.push(Row::new(name, &summaries));
+        }
+        if interrupt::requested() {
+            break;
+        }
     }
     match recorder.map_or_else(Vec::new, Recorder::finish) {
         lost if lost.is_empty() => Ok(rows),
@@ -284,6 +290,9 @@ pub fn command(dir: &Path, options: &Options, json: bool) -> anyhow::Result<()> 
     let mut console = Counter::new(options.episodes);
     let rows = run(dir, options, |policy, done| console.show(policy, done))?;
     console.clear();
+    if interrupt::requested() {
+        writeln!(std::io::stderr(), "interrupted: these are the episodes that were finished")?;
+    }
     let mut out = std::io::stdout().lock();
     if json {
         writeln!(out, "{}", serde_json::to_string_pretty(&rows)?)?;

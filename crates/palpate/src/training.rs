@@ -57,7 +57,7 @@ pub(crate) struct TrainSim {
     #[command(flatten)]
     training: Training,
     /// Start a new run with the learner of this one, usually taught an easier task, under its configuration with --config
-    /// and --set over it.
+    /// and --set over it. Another --seed gives other starts.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model", "demonstrations", "device"])]
     from: Option<PathBuf>,
     /// Continue a run from its last checkpoint, exactly; --steps may extend it.

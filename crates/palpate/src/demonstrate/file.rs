@@ -36,16 +36,8 @@ pub(crate) struct Header {
 fn decides(key: &str) -> bool {
     // Where episodes start and what they are simulated with may differ.
     let goal = ["name", "hole_position", "hole_rpy_deg", "depth", "success_distance"];
-    let scales = ["force_max", "torque_max", "force_filter_cutoff"];
-    match key.split_once('.') {
-        Some(("task", key)) => goal.contains(&key),
-        Some(("safety", key)) => scales.contains(&key),
-        Some(("env", key)) => {
-            key.starts_with("observation.") || key == "policy_period" || key == "reference"
-        }
-        Some((table, _)) => ["policy", "control", "reward"].contains(&table),
-        None => false,
-    }
+    let aims = key.strip_prefix("task.").is_some_and(|key| goal.contains(&key));
+    aims || past::gives_meaning(key) || past::gives_worth(key)
 }
 
 /// Writes a file; each episode is there for good once it is kept.

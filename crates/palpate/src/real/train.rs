@@ -1,5 +1,6 @@
 //! `train-real`: the trainer on an arm.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
@@ -113,6 +114,9 @@ fn learner(
         let agent = fresh(config, shown, (env.observation_dim(), env.action_dim()))?;
         return Ok((agent, Progress::default(), None));
     };
-    let agent = heir(run, config, &env)?;
+    let (agent, remarks) = heir(run, config, &env)?;
+    for remark in remarks {
+        writeln!(std::io::stderr(), "{remark}")?;
+    }
     Ok((agent, Progress::default(), None))
 }

@@ -39,6 +39,9 @@ use profile::{Laps, Timed};
 use pupil::{CONFIG, PROGRESS, Pupil};
 use world::{Lockstep, World};
 
+/// File of a run that began with another one's learner: where that one was.
+const ORIGIN: &str = "from.txt";
+
 /// Starts a new run in simulation.
 pub fn start(choice: &Choice, out: Option<&Path>) -> anyhow::Result<TimeSpent> {
     begin(Config::load(choice)?, None, out)
@@ -65,28 +68,40 @@ pub fn start_from(run: &Path, choice: &Choice, out: Option<&Path>) -> anyhow::Re
         bail!("{} is a run on an arm: go on from it with train-real --from", run.display());
     }
     let world = simulation(&config, 0)?;
-    let agent = heir(run, &config, &world.env)?;
+    let (agent, remarks) = heir(run, &config, &world.env)?;
     let dir = create(&config, None, out)?;
+    let origin = run.canonicalize().unwrap_or_else(|_| run.to_owned());
+    std::fs::write(dir.path().join(ORIGIN), format!("{}\n", origin.display()))?;
     let world = world.recorded(&config, dir.path())?;
     let mut pupil = Pupil::new(config, dir, agent, Progress::default(), "train-sim")?;
     // Something to continue from, whatever happens in the first minutes.
     pupil.checkpoint()?;
+    for remark in &remarks {
+        pupil.console.note(remark);
+    }
     self::run(world, pupil)
 }
 
-/// The learner of a run, to go on learning in an environment of this configuration.
-pub(crate) fn heir<R: Guarded>(run: &Path, config: &Config, env: &Env<R>) -> anyhow::Result<Sac> {
+/// The learner of a run, to go on learning in an environment of this configuration, and what to be warned of.
+pub(crate) fn heir<R: Guarded>(
+    run: &Path,
+    config: &Config,
+    env: &Env<R>,
+) -> anyhow::Result<(Sac, Vec<String>)> {
     let checkpoint = CheckpointStore::open(run)?
         .find(LAST)?
         .with_context(|| format!("{} holds no checkpoint", run.display()))?;
     let path = checkpoint.join(CONFIG);
     let then = std::fs::read_to_string(&path)
         .with_context(|| format!("cannot read {}", path.display()))?;
-    past::same_learner(&then, config)
+    let worth = past::inheritable(&then, config)
         .with_context(|| format!("the learner of {} stays as it is", run.display()))?;
-    let agent = Sac::load(&checkpoint)?;
+    let agent = Sac::load_on(&checkpoint, config.sac.threads)?;
     evaluate::check_shape(&agent.policy(), env)?;
-    Ok(agent)
+    let remark = |change| {
+        format!("warning: {change}: what the learner remembers was rewarded and scaled otherwise")
+    };
+    Ok((agent, worth.into_iter().map(remark).collect()))
 }
 
 fn begin(
@@ -125,6 +140,15 @@ pub(crate) fn go_on(path: &Path, set: &[String]) -> anyhow::Result<TimeSpent> {
         None => (None, Progress::default()),
     };
     let world = simulation(&config, progress.episodes)?;
+    let origin = path.join(ORIGIN);
+    if agent.is_none() && origin.exists() {
+        let from = std::fs::read_to_string(&origin).unwrap_or_default();
+        bail!(
+            "{} was to go on from another run and ended before its first checkpoint: begin it again, with --from {}",
+            path.display(),
+            from.trim_end()
+        );
+    }
     let agent = match agent {
         Some(agent) => agent,
         None => fresh(&config, shown_to(path)?.as_ref(), world.dims())?,
@@ -204,7 +228,7 @@ pub(crate) fn last_checkpoint(
             path.display()
         );
     }
-    Ok(Some((Sac::load(&checkpoint)?, progress)))
+    Ok(Some((Sac::load_on(&checkpoint, config.sac.threads)?, progress)))
 }
 
 fn simulation(config: &Config, next_episode: u64) -> anyhow::Result<Lockstep<SimArm>> {

@@ -19,25 +19,57 @@ pub(super) fn unchanged(checkpoint: &str, now: &Config) -> anyhow::Result<()> {
     compared(checkpoint, now, |key| !may_differ(key))
 }
 
-/// The same where a new run begins with a checkpoint's learner: that one stays what it is, all else may change.
-pub(super) fn same_learner(checkpoint: &str, now: &Config) -> anyhow::Result<()> {
-    compared(checkpoint, now, |key| key.starts_with("sac.") && !may_differ(key))
+/// The same where a new run begins with a checkpoint's learner: that one stays what it is, and its observations and
+/// actions mean what they did. All else may change; of what makes its memories wrong, a list.
+pub(super) fn inheritable(checkpoint: &str, now: &Config) -> anyhow::Result<Vec<String>> {
+    compared(checkpoint, now, |key| {
+        gives_meaning(key) || (key.starts_with("sac.") && !may_differ(key))
+    })?;
+    changed(checkpoint, now, gives_worth)
+}
+
+/// Keys that decide what the numbers of an observation and of an action mean.
+pub(crate) fn gives_meaning(key: &str) -> bool {
+    match key.split_once('.') {
+        Some(("env", key)) => {
+            key.starts_with("observation.") || key == "policy_period" || key == "reference"
+        }
+        Some((table, _)) => ["policy", "control"].contains(&table),
+        None => false,
+    }
+}
+
+/// Keys that decide what a transition was worth, and how forces are scaled in an observation.
+pub(crate) fn gives_worth(key: &str) -> bool {
+    let scales = ["force_max", "torque_max", "force_filter_cutoff"];
+    match key.split_once('.') {
+        Some(("safety", key)) => scales.contains(&key),
+        Some((table, _)) => table == "reward",
+        None => false,
+    }
 }
 
 fn compared(checkpoint: &str, now: &Config, matters: impl Fn(&str) -> bool) -> anyhow::Result<()> {
-    // Through the configuration: keys that are younger than the checkpoint stand at what it was made with.
-    let then: Config = toml::from_str(checkpoint)
-        .context("the configuration in its checkpoint is not of this version")?;
-    let mut changes = differences(&then, now)?;
-    changes.retain(|(key, _)| matters(key));
+    let changes = changed(checkpoint, now, matters)?;
     if changes.is_empty() {
         return Ok(());
     }
-    let changes: Vec<String> = changes.into_iter().map(|(_, change)| change).collect();
     bail!(
         "its checkpoint was made with other settings:\n  {}\nPut them back, or begin a new run with them",
         changes.join("\n  ")
     );
+}
+
+fn changed(
+    checkpoint: &str,
+    now: &Config,
+    matters: impl Fn(&str) -> bool,
+) -> anyhow::Result<Vec<String>> {
+    // Through the configuration: keys that are younger than the checkpoint stand at what it was made with.
+    let then: Config = toml::from_str(checkpoint)
+        .context("the configuration in its checkpoint is not of this version")?;
+    let changes = differences(&then, now)?.into_iter();
+    Ok(changes.filter(|(key, _)| matters(key)).map(|(_, change)| change).collect())
 }
 
 /// Every key whose value is not the same, with what it was and is.
@@ -95,13 +127,21 @@ mod tests {
     }
 
     #[test]
-    fn an_heir_may_change_its_world_and_not_its_learner() {
+    fn an_heir_may_change_its_world_and_not_itself() {
         let then = config(&[]).to_toml().unwrap();
+        let heir = |set: &[&str]| inheritable(&then, &config(set));
         let world = ["sim.friction=0.4", "task.goal_spread.position=[0.002, 0.002, 0.001]"];
-        let world = [&world[..], &["run.seed=9", "sac.threads=1", "safety.force_max=20"]].concat();
-        same_learner(&then, &config(&world)).unwrap();
-        let said = same_learner(&then, &config(&["sac.n_step=3"])).unwrap_err().to_string();
-        assert!(said.contains("sac.n_step was 5 and is 3"), "{said}");
+        assert!(heir(&[&world[..], &["run.seed=9", "sac.threads=1"]].concat()).unwrap().is_empty());
+        for (set, change) in [
+            ("sac.n_step=3", "sac.n_step was 5 and is 3"),
+            ("policy.motion.linear=0.02", "policy.motion.linear was"),
+            ("env.policy_period=0.1", "env.policy_period was 0.05 and is 0.1"),
+        ] {
+            let said = heir(&[set]).unwrap_err().to_string();
+            assert!(said.contains(change), "{said}");
+        }
+        let remarks = heir(&["reward.violation=0"]).unwrap();
+        assert_eq!(remarks, ["reward.violation was -10.0 and is 0.0"]);
     }
 
     #[test]

@@ -97,7 +97,7 @@ fn keys(varied: &[&Group<'_>]) -> Vec<String> {
     keys
 }
 
-/// How finished policies and baselines fare in worlds that no training saw.
+/// How finished policies and baselines fare in changed worlds.
 pub(super) fn conditions(study: &Study, groups: &[Group<'_>]) -> Chapter {
     let mut chapter = Chapter::new("In a changed world");
     let mut names: Vec<&str> = Vec::new();
@@ -111,8 +111,8 @@ pub(super) fn conditions(study: &Study, groups: &[Group<'_>]) -> Chapter {
         return chapter;
     }
     chapter.text(
-        "The last policy's mean action and what needs no learning, in worlds that no training saw; the same episodes for \
-         all. Time is the median of the successes, force the median and the largest peak of all episodes.",
+        "The last policy's mean action and what needs no learning, in changed worlds: settings beside the run's \
+         own; the same seeds for all. Time is the median of the successes, force the median and the largest peak of all episodes.",
     );
     let changed = |c: &Condition| format!("{}: `{}`", c.name, c.settings().join(", "));
     chapter.items.push(Item::List(study.conditions.iter().map(changed).collect()));
