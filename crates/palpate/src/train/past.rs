@@ -134,7 +134,7 @@ mod tests {
         assert!(heir(&[&world[..], &["run.seed=9", "sac.threads=1"]].concat()).unwrap().is_empty());
         for (set, change) in [
             ("sac.n_step=3", "sac.n_step was 5 and is 3"),
-            ("policy.motion.linear=0.02", "policy.motion.linear was"),
+            ("policy.motion.linear=0.03", "policy.motion.linear was 0.02 and is 0.03"),
             ("env.policy_period=0.1", "env.policy_period was 0.05 and is 0.1"),
         ] {
             let said = heir(&[set]).unwrap_err().to_string();
