@@ -113,11 +113,8 @@ pub(crate) struct Demonstrate {
 impl Demonstrate {
     pub(crate) fn run(self) -> anyhow::Result<()> {
         let mut choice = self.settings.choice();
-        let said = (choice.preset.as_str(), choice.task.as_str(), choice.model.as_str());
-        if self.by != "scripted" && said != ("palpate", "peg-insertion", "P-14") {
-            anyhow::bail!(
-                "a run's policy acts in the run's own preset, task and model: leave them out, and change keys with --set"
-            );
+        if self.by != "scripted" {
+            self.settings.only_a_run()?;
         }
         choice.set.extend(self.seed.map(|seed| format!("run.seed={seed}")));
         let (episodes, only_successes) = (self.episodes, self.only_successes);

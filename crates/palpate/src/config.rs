@@ -254,17 +254,22 @@ impl Config {
             text += &arm_text(&UrConfig::at(""))?;
         }
         let layers: Vec<Layer> = file.into_iter().collect();
-        let read = || -> anyhow::Result<Self> {
-            let table = resolve(&Layer { name: name.clone(), text }, &layers, &set, OPEN)?;
-            let mut config: Self = parse(table)?;
+        let read = |layers: &[Layer], set: &[String]| -> anyhow::Result<Self> {
+            let base = Layer { name: name.clone(), text: text.clone() };
+            let mut config: Self = parse(resolve(&base, layers, set, OPEN)?)?;
             if idle {
                 config.ur = None;
             }
             config.validate()?;
             Ok(config)
         };
-        read().with_context(|| {
-            format!("{name} cannot be used; each of the run's checkpoints holds a copy")
+        read(&layers, &set).map_err(|error| {
+            if read(&[], &[]).is_ok() {
+                return error; // What was laid over the run's own text is to blame.
+            }
+            error.context(format!(
+                "{name} cannot be used; each of the run's checkpoints holds a copy"
+            ))
         })
     }
 

@@ -290,17 +290,22 @@ pub fn command(dir: &Path, options: &Options, json: bool) -> anyhow::Result<()> 
     let mut console = Counter::new(options.episodes);
     let rows = run(dir, options, |policy, done| console.show(policy, done))?;
     console.clear();
-    if interrupt::requested() {
-        writeln!(std::io::stderr(), "interrupted: these are the episodes that were finished")?;
-    }
     let mut out = std::io::stdout().lock();
     if json {
         writeln!(out, "{}", serde_json::to_string_pretty(&rows)?)?;
     } else {
         writeln!(out, "{}", table(&rows).trim_end())?;
-        if options.stochastic {
-            writeln!(out, "learned policies were sampled, not their mean")?;
-        }
+        let how = if options.stochastic {
+            "learned policies were sampled, not their mean"
+        } else {
+            "learned policies took their mean action; --stochastic samples them, which early in a training succeeds more often"
+        };
+        writeln!(out, "{how}")?;
+    }
+    if interrupt::requested() {
+        anyhow::bail!(
+            "interrupted: there are figures of the episodes that were finished, no others"
+        );
     }
     Ok(())
 }

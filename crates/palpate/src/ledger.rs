@@ -9,6 +9,13 @@ use palpate_runs::{Csv, RunDir};
 
 use crate::train::book::FILE;
 
+/// What the columns of the table are.
+const LEGEND: &str = "\
+events: verdicts, one however many control ticks in a row; then per episode, per 1000 steps, per successful episode,
+and per 1000 steps in the first and the last tenth of the run. distance: the least to the limit that decided, in its
+unit (N or N m, m, rad, rad/s), negative beyond it. force: the largest at the beginning of an event, filtered
+";
+
 /// All verdicts of one cause.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Row {
@@ -153,6 +160,7 @@ impl Report {
                 r.largest_force,
             );
         }
+        out.push_str(LEGEND);
         out
     }
 }

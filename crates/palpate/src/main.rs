@@ -90,7 +90,7 @@ struct TrainReal {
     #[command(flatten)]
     training: Training,
     /// Start from the learner of this run, usually a simulated one, with its configuration, --config and --set over it.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model", "demonstrations"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["demonstrations"])]
     from: Option<PathBuf>,
     /// Continue a run of train-real from its last checkpoint; --steps may extend it.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "no_penalty", "device", "seed", "out", "from"])]
@@ -238,7 +238,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::TrainSim(args) => args.run(),
         Command::TrainReal(args) => real::train_real(&real::TrainReal {
             address: args.rtde,
-            choice: args.training.choice(),
+            choice: args.training.going_on(args.from.is_some())?,
             from: args.from,
             resume: args.resume,
             demonstrations: args.training.demonstrations,

@@ -9,16 +9,16 @@ use palpate::train;
 
 #[derive(Debug, Args)]
 pub(crate) struct Settings {
-    /// Settings to start from: `palpate` (measured to learn) or `paper` (as printed).
-    #[arg(long, default_value = "palpate")]
-    preset: String,
-    /// Task: a name from assets/tasks.
-    #[arg(long, default_value = "peg-insertion")]
-    task: String,
+    /// Settings to start from: `palpate` (measured to learn) or `paper` (as printed) [default: palpate].
+    #[arg(long)]
+    preset: Option<String>,
+    /// Task: a name from assets/tasks [default: peg-insertion].
+    #[arg(long)]
+    task: Option<String>,
     /// Policy model: P-9, P-14, P-19, P-24 (parallel position/force), A-8, A-13, A-13pd, A-18 (admittance);
-    /// P-6 moves no gain.
-    #[arg(long, default_value = "P-14")]
-    model: String,
+    /// P-6 moves no gain [default: P-14].
+    #[arg(long)]
+    model: Option<String>,
     /// TOML file whose keys override the preset's.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -58,7 +58,7 @@ pub(crate) struct TrainSim {
     training: Training,
     /// Start a new run with the learner of this one, usually taught an easier task, under its configuration with --config
     /// and --set over it. Another --seed gives other starts.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "task", "model", "demonstrations", "device"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["demonstrations", "device"])]
     from: Option<PathBuf>,
     /// Continue a run from its last checkpoint, exactly; --steps may extend it.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["preset", "task", "model", "config", "set", "no_penalty", "device", "seed", "out", "from"])]
@@ -73,7 +73,8 @@ impl TrainSim {
         let spent = if let Some(dir) = &self.resume {
             train::resume(dir, self.training.steps)?
         } else {
-            let (choice, out) = (self.training.choice(), self.training.out.as_deref());
+            let (choice, out) =
+                (self.training.going_on(self.from.is_some())?, self.training.out.as_deref());
             match (&self.from, &self.training.demonstrations) {
                 (Some(run), _) => train::start_from(run, &choice, out)?,
                 (None, Some(shown)) => train::start_shown(&choice, shown, out)?,
@@ -88,11 +89,28 @@ impl TrainSim {
 }
 
 impl Settings {
+    /// Refuses what a run brings along itself.
+    pub(crate) fn only_a_run(&self) -> anyhow::Result<()> {
+        let given = [("preset", &self.preset), ("task", &self.task), ("model", &self.model)];
+        match given.into_iter().find(|(_, value)| value.is_some()) {
+            None => Ok(()),
+            Some(("task", _)) => anyhow::bail!(
+                "a run brings its task along: leave --task out, and change keys with --set, or many with \
+                 --config FILE, such as a file of assets/tasks"
+            ),
+            Some((key, _)) => anyhow::bail!(
+                "a run brings its preset and its model along, and its policy knows no others: leave --{key} out, and \
+                 change keys with --set"
+            ),
+        }
+    }
+
     pub(crate) fn choice(&self) -> Choice {
+        let or = |given: &Option<String>, default: &str| given.as_deref().unwrap_or(default).into();
         Choice {
-            preset: self.preset.clone(),
-            task: self.task.clone(),
-            model: self.model.clone(),
+            preset: or(&self.preset, "palpate"),
+            task: or(&self.task, "peg-insertion"),
+            model: or(&self.model, "P-14"),
             file: self.config.clone(),
             set: self.set.clone(),
         }
@@ -100,6 +118,14 @@ impl Settings {
 }
 
 impl Training {
+    /// The choice; where it goes on `from` a run, what that brings along may not be in it.
+    pub(crate) fn going_on(&self, from: bool) -> anyhow::Result<Choice> {
+        if from {
+            self.settings.only_a_run()?;
+        }
+        Ok(self.choice())
+    }
+
     pub(crate) fn choice(&self) -> Choice {
         let mut choice = self.settings.choice();
         choice.set.extend(self.seed.map(|seed| format!("run.seed={seed}")));

@@ -186,7 +186,12 @@ impl Shield {
             Ok(cause) => {
                 let executed = self.executed(&here);
                 if let Some(cause) = cause {
-                    self.record(m, cause, proposed, &executed, self.clearance.unwrap_or(f64::NAN));
+                    let distance = match cause {
+                        Cause::SlowedByForce => self.force_left(m),
+                        Cause::SlowedByObstacle => self.clearance.unwrap_or(f64::NAN),
+                        _ => f64::NAN,
+                    };
+                    self.record(m, cause, proposed, &executed, distance);
                 }
                 let governed = cause.map(|_| self.target_pose());
                 Decision { verdict: Verdict::Accepted, executed, proposed, cause, governed }

@@ -140,11 +140,18 @@ pub(super) fn text(name: &Path) -> anyhow::Result<String> {
         return Ok((*text).to_owned());
     }
     let known: Vec<&str> = STUDIES.iter().map(|(name, _)| *name).collect();
-    std::fs::read_to_string(name).with_context(|| {
-        let near = name.to_str().and_then(|name| nearest(name, known.iter().copied()));
-        let hint = near.map_or_else(String::new, |near| format!("; did you mean {near}?"));
-        format!("cannot read the study {} (built in: {}){hint}", name.display(), known.join(", "))
-    })
+    if !name.exists() {
+        let begun = Path::new("studies").join(name);
+        let hint = if begun.is_dir() {
+            format!("; did you mean {}?", begun.display())
+        } else {
+            let near = name.to_str().and_then(|name| nearest(name, known.iter().copied()));
+            near.map_or_else(String::new, |near| format!("; did you mean {near}?"))
+        };
+        bail!("there is no study {} (built in: {}){hint}", name.display(), known.join(", "));
+    }
+    std::fs::read_to_string(name)
+        .with_context(|| format!("cannot read the study {}", name.display()))
 }
 
 impl Study {

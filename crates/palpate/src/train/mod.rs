@@ -63,6 +63,7 @@ pub fn start_shown(
 /// # Errors
 /// If `run` was made on an arm or holds no checkpoint, and if its learner would have to be another one.
 pub fn start_from(run: &Path, choice: &Choice, out: Option<&Path>) -> anyhow::Result<TimeSpent> {
+    RunDir::view(run)?;
     let config = Config::of_run_with(run, choice.file.as_deref(), &choice.set)?;
     if config.ur.is_some() {
         bail!("{} is a run on an arm: go on from it with train-real --from", run.display());

@@ -55,7 +55,7 @@ fn compared(checkpoint: &str, now: &Config, matters: impl Fn(&str) -> bool) -> a
         return Ok(());
     }
     bail!(
-        "its checkpoint was made with other settings:\n  {}\nPut them back, or begin a new run with them",
+        "its checkpoint was made with other settings:\n  {}\nPut them back, or begin a new run from nothing with them",
         changes.join("\n  ")
     );
 }

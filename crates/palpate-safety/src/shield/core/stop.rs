@@ -37,6 +37,14 @@ impl Shield {
         motion.q
     }
 
+    /// Force up to the nearer of the soft limits, N; of the raw and the filtered one the worse counts.
+    pub(in crate::shield) fn force_left(&self, m: &Measurement) -> f64 {
+        let soft = self.guard.soft();
+        let left =
+            |force: &Vector3| (soft.force - force.amax()).min(soft.force_norm - force.norm());
+        left(&m.raw_wrench.force).min(left(&m.wrench.force))
+    }
+
     /// How fast the tool may be told to move now.
     pub(in crate::shield) fn bounds(&self, m: &Measurement) -> Bounds {
         self.bounds_to(m, self.config.force.aim_ratio)

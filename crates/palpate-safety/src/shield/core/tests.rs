@@ -163,6 +163,22 @@ fn the_ledger_shows_how_far_the_force_is_from_its_limit() {
     }
 }
 
+#[test]
+fn the_ledger_shows_how_much_force_was_left_where_that_slowed() {
+    let mut shield = shield();
+    for tick in 0..=300 {
+        let m = sample(&shield, Vector3::z() * (0.05 * f64::from(tick)));
+        let _ = shield.tick(&m, &Proposal::Rest);
+    }
+    // Down at 0.05 m/s against 15 N.
+    let mut down = shield.target_pose();
+    down.translation.z -= 1e-4;
+    let decision = shield.tick(&sample(&shield, Vector3::z() * 15.0), &Proposal::Pose(down));
+    assert_eq!(decision.cause, Some(Cause::SlowedByForce), "{decision:?}");
+    let entry = shield.ledger().entries().last().unwrap();
+    assert!((entry.distance - 10.0).abs() < 1e-9, "{entry:?}");
+}
+
 /// What lags behind is made up for, but not at more speed than the force that is left allows.
 #[test]
 fn catching_up_counts_as_approach() {
