@@ -73,6 +73,13 @@ impl Smoke {
 
         println!("… and resumed to its end");
         self.finish(&mut self.resume(&cut))?;
+        let mut list = self.palpate(&["runs", "list"]);
+        let said = String::from_utf8(list.arg(&self.dir).output()?.stdout)?;
+        let line = said.lines().find(|line| line.ends_with("cut")).unwrap_or_default();
+        ensure!(
+            line.contains(&format!("/{LONG} ")) && line.contains("complete"),
+            "a run that was extended to {LONG} steps is listed as `{line}`"
+        );
         for name in CURVES {
             same_text(&straight.join(name), &cut.join(name))?;
         }

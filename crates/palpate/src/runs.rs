@@ -5,11 +5,12 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
-use palpate_runs::{Csv, Health, JOURNAL, Journal, RunDir, copy, inspect, list, repair};
+use palpate_runs::{CheckpointStore, Csv, Health, JOURNAL, Journal, RunDir, copy, inspect, list, repair};
 use palpate_sac::Sac;
 
 use crate::Config;
 use crate::train::lesson::Lesson;
+use crate::train::pupil::CONFIG;
 
 /// Prints a line for every run in `folder`, oldest first.
 pub fn show(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
@@ -45,7 +46,8 @@ struct Line {
 
 impl Line {
     fn of(run: &Path) -> anyhow::Result<Self> {
-        let config = Config::of_run(run, &[])?;
+        let mut config = Config::of_run(run, &[])?;
+        config.run.steps = extended_to(run)?.unwrap_or(config.run.steps);
         let (mut step, mut success) = (0, None);
         if let Ok(csv) = Csv::read(&run.join("metrics.csv")) {
             let last = |name| csv.column(name).map(|c| c.into_iter().flatten().last());
@@ -61,6 +63,14 @@ impl Line {
         });
         Ok(Self { config, step, complete, success, written: RunDir::is_written(run) })
     }
+}
+
+/// The steps that a run was last asked for: --steps of a resumed one stands in its checkpoints.
+fn extended_to(run: &Path) -> anyhow::Result<Option<u64>> {
+    let entries = CheckpointStore::open(run)?.entries()?;
+    let Some(newest) = entries.iter().find(|entry| entry.step().is_some()) else { return Ok(None) };
+    let text = std::fs::read_to_string(newest.path.join(CONFIG)).unwrap_or_default();
+    Ok(toml::from_str::<Config>(&text).ok().map(|config| config.run.steps))
 }
 
 impl std::fmt::Display for Line {

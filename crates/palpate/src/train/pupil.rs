@@ -18,7 +18,7 @@ use crate::progress::{Evaluation, Progress};
 /// File of a checkpoint with what a run remembers besides the learner.
 pub(super) const PROGRESS: &str = "progress.json";
 /// File of a checkpoint with the configuration it was made under.
-pub(super) const CONFIG: &str = "config.toml";
+pub(crate) const CONFIG: &str = "config.toml";
 
 /// A learner with its run directory.
 pub(crate) struct Pupil {
