@@ -11,16 +11,17 @@ use crate::learner::{Batch, Learner};
 use crate::network::Network;
 use crate::rng::Streams;
 use crate::tensors::Reader;
-use crate::{Mode, Ops, Sac, SacConfig, TargetEntropy, Transition};
+use crate::{Mode, Ops, Processor, Sac, SacConfig, TargetEntropy, Transition};
 
 const OBSERVATION: usize = 5;
 const ACTION: usize = 3;
 const BATCH: usize = 8;
 const UPDATES: usize = 20;
 
-fn config(ops: Ops, critic_layer_norm: bool) -> SacConfig {
+fn config(ops: Ops, device: Processor, critic_layer_norm: bool) -> SacConfig {
     SacConfig {
         ops,
+        device,
         critic_layer_norm,
         hidden: vec![16, 16],
         actor_learning_rate: 1e-3,
@@ -53,15 +54,15 @@ fn deviation(a: &[f32], b: &[f32]) -> f64 {
     worst / size
 }
 
-fn batch(fixture: &Reader, update: usize) -> Batch {
+fn batch(fixture: &Reader, update: usize, device: &Device) -> Batch {
     let rows = |name: &str, width: usize| {
         let values = fixture.f32(name, &[UPDATES, BATCH, width]).unwrap();
         let values = values[update * BATCH * width..][..BATCH * width].to_vec();
-        Tensor::from_vec(values, (BATCH, width), &Device::Cpu).unwrap()
+        Tensor::from_vec(values, (BATCH, width), device).unwrap()
     };
     let column = |name: &str| {
         let values = fixture.f32(name, &[UPDATES, BATCH]).unwrap();
-        Tensor::from_slice(&values[update * BATCH..][..BATCH], BATCH, &Device::Cpu).unwrap()
+        Tensor::from_slice(&values[update * BATCH..][..BATCH], BATCH, device).unwrap()
     };
     Batch {
         observation: rows("observation", OBSERVATION),
@@ -74,19 +75,20 @@ fn batch(fixture: &Reader, update: usize) -> Batch {
     }
 }
 
-fn replay_torch(ops: Ops, norm: bool) {
+fn replay_torch(ops: Ops, device: Processor, norm: bool) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/torch.safetensors");
     let fixture = Reader::open(&path).unwrap();
     let case = if norm { "norm" } else { "bare" };
-    let mut learner =
-        Learner::new(&config(ops, norm), OBSERVATION, ACTION, &mut Streams::new(0)).unwrap();
+    let config = config(ops, device, norm);
+    let mut learner = Learner::new(&config, OBSERVATION, ACTION, &mut Streams::new(0)).unwrap();
+    let device = learner.device().clone();
     for (name, network) in networks(&learner) {
         let size = network.shape().parameters();
         network.assign(fixture.f32(&format!("first.{name}"), &[size]).unwrap()).unwrap();
     }
     let reports = fixture.f32(&format!("{case}.reports"), &[UPDATES, 6]).unwrap();
     for update in 0..UPDATES {
-        let s = learner.update(&batch(&fixture, update), update as u64).unwrap();
+        let s = learner.update(&batch(&fixture, update, &device), update as u64).unwrap();
         let got = [s.critic_loss, s.actor_loss, s.alpha, s.entropy, s.q_mean, s.target_mean];
         for (got, torch) in got.iter().zip(&reports[update * 6..]) {
             // Means of numbers of both signs: their rounding is that of the largest, a few units.
@@ -112,14 +114,22 @@ fn replay_torch(ops: Ops, norm: bool) {
 
 #[test]
 fn twenty_updates_end_where_torch_ends_fused() {
-    replay_torch(Ops::Fused, true);
-    replay_torch(Ops::Fused, false);
+    replay_torch(Ops::Fused, Processor::Cpu, true);
+    replay_torch(Ops::Fused, Processor::Cpu, false);
 }
 
 #[test]
 fn twenty_updates_end_where_torch_ends_plain() {
-    replay_torch(Ops::Plain, true);
-    replay_torch(Ops::Plain, false);
+    replay_torch(Ops::Plain, Processor::Cpu, true);
+    replay_torch(Ops::Plain, Processor::Cpu, false);
+}
+
+#[test]
+#[cfg(feature = "cuda")]
+#[ignore = "takes an NVIDIA GPU"]
+fn twenty_updates_end_where_torch_ends_on_a_gpu() {
+    replay_torch(Ops::Plain, Processor::Cuda, true);
+    replay_torch(Ops::Plain, Processor::Cuda, false);
 }
 
 /// An agent that has seen 400 steps of a moving target, whatever its operations and its rate of learning.

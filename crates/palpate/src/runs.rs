@@ -5,7 +5,9 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use anyhow::{Context as _, bail};
-use palpate_runs::{CheckpointStore, Csv, Health, JOURNAL, Journal, RunDir, copy, inspect, list, repair};
+use palpate_runs::{
+    CheckpointStore, Csv, Health, JOURNAL, Journal, RunDir, copy, inspect, list, repair,
+};
 use palpate_sac::Sac;
 
 use crate::Config;
