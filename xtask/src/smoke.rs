@@ -89,6 +89,7 @@ impl Smoke {
         println!("… and gone on from, on a harder task");
         self.inherit(&cut, updates)?;
         let policies = self.evaluate(&cut)?;
+        self.interrupt_evaluation(&cut)?;
         let figures = self.plot(&cut)?;
         Ok(format!(
             "killed and interrupted run equals the straight one; {policies} policies evaluated; {figures} figures"
@@ -111,6 +112,35 @@ impl Smoke {
         let refused = command.args(["--set", "sac.n_step=1"]).output()?;
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
         ensure!(said.contains("sac.n_step was 5 and is 1"), "another learner is inherited: {said}");
+        // Without its first checkpoint it would begin from nothing.
+        fs::remove_dir_all(heir.join("checkpoints"))?;
+        let refused = self.resume(&heir).output()?;
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        ensure!(
+            !refused.status.success() && said.contains("begin it again, with --from"),
+            "an heir without a checkpoint is resumed: {said}"
+        );
+        Ok(())
+    }
+
+    /// Ctrl-C: figures of what was finished, and an error that says so.
+    fn interrupt_evaluation(&self, run: &Path) -> anyhow::Result<()> {
+        let mut command = self.palpate(&["evaluate", "--json", "--episodes", "1000000"]);
+        command.arg(run).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = self.start(&mut command)?;
+        std::thread::sleep(Duration::from_secs(3));
+        kill_softly(&child)?;
+        let output = child.wait_with_output()?;
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let rows: Vec<serde_json::Value> = serde_json::from_slice(&output.stdout)
+            .with_context(|| format!("an interrupted evaluation printed no JSON: {said}"))?;
+        ensure!(
+            !output.status.success()
+                && said.contains("interrupted")
+                && rows.len() == 1
+                && rows[0]["episodes"].as_u64() > Some(0),
+            "an interrupted evaluation: {rows:?} {said}"
+        );
         Ok(())
     }
 
@@ -211,13 +241,19 @@ fn await_checkpoint(child: &mut Child, run: &Path, old: &[String]) -> anyhow::Re
     }
 }
 
-/// Ctrl-C once: the run must end well. Without `unsafe`, the signal has to come from a program.
-fn interrupt(child: &mut Child) -> anyhow::Result<()> {
+/// Ctrl-C. Without `unsafe`, the signal has to come from a program.
+fn kill_softly(child: &Child) -> anyhow::Result<()> {
     let sent = Command::new("kill")
         .args(["-INT", &child.id().to_string()])
         .status()
         .context("cannot run kill")?;
     ensure!(sent.success(), "kill -INT: {sent}");
+    Ok(())
+}
+
+/// Ctrl-C once: the run must end well.
+fn interrupt(child: &mut Child) -> anyhow::Result<()> {
+    kill_softly(child)?;
     let status = child.wait()?;
     ensure!(status.success(), "an interrupted run must end with exit code 0, this one: {status}");
     Ok(())

@@ -137,6 +137,20 @@ fn saving_and_loading_changes_nothing() {
 }
 
 #[test]
+fn threads_may_be_others_after_loading() {
+    let (folder, again) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    Run::new(3).agent.save(folder.path()).unwrap();
+    for threads in [1, 2] {
+        let agent = Sac::load_on(folder.path(), threads).unwrap();
+        agent.save(again.path()).unwrap();
+        let state = fs::read_to_string(again.path().join("state.json")).unwrap();
+        assert!(state.contains(&format!("\"threads\": {threads}")), "{state}");
+    }
+    let error = Sac::load_on(folder.path(), 3).unwrap_err().to_string();
+    assert!(error.contains("threads"), "{error}");
+}
+
+#[test]
 fn saving_and_loading_keeps_demonstrations_and_danger() {
     // Before the first update, and before and after there is danger to draw.
     for at in [0, 40, 100] {

@@ -67,10 +67,25 @@ fn the_example_cell_stands_the_shield_and_its_arm_is_left_out_of_a_simulation() 
     let run = Config::of_run_for(dir.path(), &here, Some(&file), &[]).unwrap();
     assert_eq!(reaction(&run), 0.055);
     assert_eq!((run.ur.unwrap().stale_ticks, run.safety.mode), (8, Mode::Shield));
+    // And a simulation that goes on from it takes it without its arm.
+    let run = Config::of_run_with(dir.path(), Some(&file), &[]).unwrap();
+    assert_eq!((run.ur.is_none(), reaction(&run)), (true, 0.03));
 
     std::fs::write(&file, "[ur]\nstale_tick = 8\n").unwrap();
     let error = format!("{:#}", Config::load(&choice).unwrap_err());
     assert!(error.contains("`stale_tick`") && error.contains("`stale_ticks`"), "{error}");
+}
+
+#[test]
+fn what_is_laid_over_a_run_is_to_blame_for_itself() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("config.toml");
+    let config = Config::load(&choice("palpate", "peg-insertion", "P-14", &[])).unwrap();
+    std::fs::write(&path, config.to_toml().unwrap()).unwrap();
+    let error = || format!("{:#}", Config::of_run(dir.path(), &["sac.gama=1".into()]).unwrap_err());
+    assert!(error().contains("sac.gamma") && !error().contains("cannot be used"), "{}", error());
+    std::fs::write(&path, "[run]\nseed = 1\n").unwrap();
+    assert!(error().contains("cannot be used"), "{}", error());
 }
 
 #[test]
