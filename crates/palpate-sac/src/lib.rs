@@ -49,6 +49,7 @@
 //!   times action dimension of 65,536 would.)
 
 mod agent;
+mod aligned;
 mod checkpoint;
 mod config;
 mod diagnosis;

@@ -7,6 +7,7 @@ mod gradient;
 
 use std::ops::Range;
 
+use crate::aligned::Aligned;
 use crate::kernel;
 use crate::mlp::{Layer, Shape};
 use crate::norm;
@@ -25,9 +26,9 @@ const CHUNK: usize = 64;
 pub(crate) struct Work {
     halves: [Half; 2],
     /// Gradient of the parameters, from the latest backward pass that was asked for it.
-    pub(crate) gradient: Vec<f32>,
+    pub(crate) gradient: Aligned,
     /// Every weight but the first layer's as (outputs, inputs), where its weight is in the parameters.
-    turned: Vec<f32>,
+    turned: Aligned,
     /// Whether `turned` is that of the parameters as they are.
     turned_is_current: bool,
 }
@@ -36,14 +37,14 @@ pub(crate) struct Work {
 #[derive(Debug, Default)]
 struct Half {
     rows: usize,
-    input: Vec<f32>,
+    input: Aligned,
     hidden: Vec<Hidden>,
-    output: Vec<f32>,
+    output: Aligned,
     /// Gradient of each layer's output, before LayerNorm and ReLU.
-    deltas: Vec<Vec<f32>>,
-    d_input: Vec<f32>,
+    deltas: Vec<Aligned>,
+    d_input: Aligned,
     /// Weight rows of the wanted input columns, turned.
-    turned_input: Vec<f32>,
+    turned_input: Aligned,
     /// The rows that a backward pass went through.
     taken: Vec<usize>,
 }
@@ -51,10 +52,10 @@ struct Half {
 #[derive(Debug, Default)]
 struct Hidden {
     /// Normalised pre-activation; empty without LayerNorm.
-    normalised: Vec<f32>,
-    inverse_std: Vec<f32>,
+    normalised: Aligned,
+    inverse_std: Aligned,
     /// Output of the ReLU.
-    activation: Vec<f32>,
+    activation: Aligned,
 }
 
 /// Which gradients a backward pass computes.
@@ -69,7 +70,7 @@ pub(crate) struct Wanted {
 impl Work {
     /// Makes room for a batch; the input rows to fill come in two pieces.
     pub(crate) fn prepare(&mut self, shape: &Shape, batch: usize) -> [&mut [f32]; 2] {
-        self.gradient.resize(shape.parameters(), 0.0);
+        self.gradient.set_length(shape.parameters());
         let first = batch.div_ceil(2).next_multiple_of(BLOCK).min(batch);
         let [a, b] = &mut self.halves;
         [a.prepare(shape, first), b.prepare(shape, batch - first)]
@@ -121,7 +122,7 @@ impl Work {
         team: Option<&Team>,
     ) {
         if !self.turned_is_current {
-            self.turned.resize(shape.parameters(), 0.0);
+            self.turned.set_length(shape.parameters());
             for layer in &shape.layers()[1..] {
                 let (from, to) = (&parameters[layer.weight.clone()], layer.weight.clone());
                 transpose(from, layer.outputs, &mut self.turned[to]);
@@ -171,18 +172,18 @@ impl Half {
     fn prepare(&mut self, shape: &Shape, rows: usize) -> &mut [f32] {
         self.rows = rows;
         let layers = shape.layers();
-        self.input.resize(rows * shape.inputs(), 0.0);
-        self.output.resize(rows * shape.outputs(), 0.0);
-        self.deltas.resize_with(layers.len(), Vec::new);
+        self.input.set_length(rows * shape.inputs());
+        self.output.set_length(rows * shape.outputs());
+        self.deltas.resize_with(layers.len(), Aligned::default);
         for (delta, layer) in self.deltas.iter_mut().zip(layers) {
-            delta.resize(rows * layer.outputs, 0.0);
+            delta.set_length(rows * layer.outputs);
         }
         self.hidden.resize_with(layers.len() - 1, Hidden::default);
         for (work, layer) in self.hidden.iter_mut().zip(layers) {
-            work.activation.resize(rows * layer.outputs, 0.0);
+            work.activation.set_length(rows * layer.outputs);
             if shape.layer_norm {
-                work.normalised.resize(rows * layer.outputs, 0.0);
-                work.inverse_std.resize(rows, 0.0);
+                work.normalised.set_length(rows * layer.outputs);
+                work.inverse_std.set_length(rows);
             }
         }
         &mut self.input
@@ -230,11 +231,11 @@ impl Half {
         if columns > 0 {
             // Rows of W belong to inputs, so a range of input columns is a contiguous part of it.
             let from = first.weight.start + wanted.input.start * first.outputs;
-            self.turned_input.resize(first.outputs * columns, 0.0);
+            self.turned_input.set_length(first.outputs * columns);
             let rows = &parameters[from..from + columns * first.outputs];
             transpose(rows, first.outputs, &mut self.turned_input);
         }
-        self.d_input.resize(self.rows * columns, 0.0);
+        self.d_input.set_length(self.rows * columns);
         for from in (0..self.taken.len()).step_by(CHUNK) {
             let count = CHUNK.min(self.taken.len() - from);
             let taken = &self.taken[from..from + count];
