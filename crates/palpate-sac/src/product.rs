@@ -126,10 +126,14 @@ impl Block<'_> {
         simd: S,
         left: impl Fn(usize) -> [f32; HEIGHT] + Copy,
     ) {
+        let (columns, lanes) = (self.columns, S::F32_LANES);
+        // Columns that do not fill a vector are reached from the last whole one, together with it.
+        let beyond = !columns.is_multiple_of(lanes);
+        let whole = columns / lanes - usize::from(beyond && columns > lanes);
         let mut column = 0;
         loop {
             // Three vectors wide, and two where three would leave a single one.
-            let width = match (self.columns - column) / S::F32_LANES {
+            let width = match whole - column / lanes {
                 0 => break,
                 1 => self.tile::<S, HEIGHT, 1>(simd, left, column),
                 2 | 4 => self.tile::<S, HEIGHT, 2>(simd, left, column),
@@ -137,8 +141,10 @@ impl Block<'_> {
             };
             column += width;
         }
-        if column < self.columns {
-            self.edge::<S, HEIGHT>(simd, left, column);
+        match beyond {
+            false => {}
+            true if columns > lanes => self.overlapping::<S, HEIGHT>(simd, left, column),
+            true => self.edge::<S, HEIGHT>(simd, left),
         }
     }
 
@@ -180,36 +186,72 @@ impl Block<'_> {
         width
     }
 
-    /// The last columns, where they do not fill a vector.
+    /// A vector of columns from this one on and the last vector of columns, which share some: what they share comes out
+    /// the same twice.
     #[inline(always)]
-    fn edge<S: Simd, const HEIGHT: usize>(
+    fn overlapping<S: Simd, const HEIGHT: usize>(
         &mut self,
         simd: S,
         left: impl Fn(usize) -> [f32; HEIGHT],
         column: usize,
     ) {
         let columns = self.columns;
-        let mut sums = [simd.splat_f32s(0.0); HEIGHT];
+        let at = [column, columns - S::F32_LANES];
+        let both = |row: &[f32]| at.map(|at| vectors::<S, 1>(&row[at..at + S::F32_LANES])[0]);
+        let mut sums = [[simd.splat_f32s(0.0); 2]; HEIGHT];
         match self.start {
             Start::Zero => {}
-            Start::Bias(bias) => sums = [simd.partial_load_f32s(&bias[column..columns]); HEIGHT],
+            Start::Bias(bias) => sums = [both(bias); HEIGHT],
             Start::Output => {
-                for (r, sum) in sums.iter_mut().enumerate() {
-                    let row = &self.output[r * columns..][..columns];
-                    *sum = simd.partial_load_f32s(&row[column..]);
+                for (sums, row) in sums.iter_mut().zip(self.output.chunks_exact(columns)) {
+                    *sums = both(row);
                 }
             }
         }
         for (p, row) in self.right.chunks(self.stride).take(self.inner).enumerate() {
-            let b = simd.partial_load_f32s(&row[column..columns]);
+            let b = both(row);
+            let a = left(p);
+            for r in 0..HEIGHT {
+                let a = simd.splat_f32s(a[r]);
+                for v in 0..2 {
+                    sums[r][v] = simd.mul_add_e_f32s(a, b[v], sums[r][v]);
+                }
+            }
+        }
+        for (sums, row) in sums.iter().zip(self.output.chunks_exact_mut(columns)) {
+            for (at, sum) in at.into_iter().zip(sums) {
+                S::as_mut_simd_f32s(&mut row[at..at + S::F32_LANES]).0[0] = *sum;
+            }
+        }
+    }
+
+    /// All columns, where they do not fill a vector.
+    #[inline(always)]
+    fn edge<S: Simd, const HEIGHT: usize>(
+        &mut self,
+        simd: S,
+        left: impl Fn(usize) -> [f32; HEIGHT],
+    ) {
+        let columns = self.columns;
+        let mut sums = [simd.splat_f32s(0.0); HEIGHT];
+        match self.start {
+            Start::Zero => {}
+            Start::Bias(bias) => sums = [simd.partial_load_f32s(&bias[..columns]); HEIGHT],
+            Start::Output => {
+                for (sum, row) in sums.iter_mut().zip(self.output.chunks_exact(columns)) {
+                    *sum = simd.partial_load_f32s(row);
+                }
+            }
+        }
+        for (p, row) in self.right.chunks(self.stride).take(self.inner).enumerate() {
+            let b = simd.partial_load_f32s(&row[..columns]);
             let a = left(p);
             for r in 0..HEIGHT {
                 sums[r] = simd.mul_add_e_f32s(simd.splat_f32s(a[r]), b, sums[r]);
             }
         }
-        for (r, sum) in sums.iter().enumerate() {
-            let row = &mut self.output[r * columns..][..columns];
-            simd.partial_store_f32s(&mut row[column..], *sum);
+        for (sum, row) in sums.iter().zip(self.output.chunks_exact_mut(columns)) {
+            simd.partial_store_f32s(row, *sum);
         }
     }
 }

@@ -51,11 +51,12 @@ struct Half {
 
 #[derive(Debug, Default)]
 struct Hidden {
-    /// Normalised pre-activation; empty without LayerNorm.
-    normalised: Aligned,
+    /// Output of the ReLU; with LayerNorm the normalised pre-activation, until a backward pass for the
+    /// parameters has gone by and only the former is needed.
+    kept: Aligned,
     inverse_std: Aligned,
-    /// Output of the ReLU.
-    activation: Aligned,
+    /// Output of the ReLU of the latest chunk, with LayerNorm.
+    passing: Aligned,
 }
 
 /// Which gradients a backward pass computes.
@@ -180,10 +181,10 @@ impl Half {
         }
         self.hidden.resize_with(layers.len() - 1, Hidden::default);
         for (work, layer) in self.hidden.iter_mut().zip(layers) {
-            work.activation.set_length(rows * layer.outputs);
+            work.kept.set_length(rows * layer.outputs);
             if shape.layer_norm {
-                work.normalised.set_length(rows * layer.outputs);
                 work.inverse_std.set_length(rows);
+                work.passing.set_length(CHUNK.min(rows) * layer.outputs);
             }
         }
         &mut self.input
@@ -198,19 +199,20 @@ impl Half {
             let mut below = part(&self.input, from, count, shape.inputs());
             for (hidden, layer) in self.hidden.iter_mut().zip(shape.layers()) {
                 let width = layer.outputs;
-                let activation = part_mut(&mut hidden.activation, at, count, width);
+                let kept = part_mut(&mut hidden.kept, at, count, width);
                 if shape.layer_norm {
-                    let normalised = part_mut(&mut hidden.normalised, at, count, width);
+                    let relu = part_mut(&mut hidden.passing, 0, count, width);
                     let inverse_std = part_mut(&mut hidden.inverse_std, at, count, 1);
-                    linear(layer, parameters, below, normalised, |row, z| {
+                    linear(layer, parameters, below, kept, |row, z| {
                         let rows = z.len() / width;
-                        let relu = part_mut(activation, row, rows, width);
-                        norm::norm_relu(z, width, &mut inverse_std[row..row + rows], relu);
+                        let inverse_std = &mut inverse_std[row..row + rows];
+                        norm::norm_relu(z, width, inverse_std, part_mut(relu, row, rows, width));
                     });
+                    below = relu;
                 } else {
-                    linear(layer, parameters, below, activation, |_, z| kernel::relu(z));
+                    linear(layer, parameters, below, kept, |_, z| kernel::relu(z));
+                    below = kept;
                 }
-                below = activation;
             }
             let output = part_mut(&mut self.output, from, count, last.outputs);
             if last.outputs == 1 {
@@ -236,35 +238,40 @@ impl Half {
             transpose(rows, first.outputs, &mut self.turned_input);
         }
         self.d_input.set_length(self.rows * columns);
-        for from in (0..self.taken.len()).step_by(CHUNK) {
+        for from in (0..self.taken.len()).step_by(CHUNK).rev() {
             let count = CHUNK.min(self.taken.len() - from);
+            let at = if wanted.parameters { from } else { 0 };
             let taken = &self.taken[from..from + count];
             for (index, layer) in shape.layers().iter().enumerate().skip(1).rev() {
                 let (below, above) = self.deltas.split_at_mut(index);
                 let Some(below) = below.last_mut() else { continue };
-                let hidden = &self.hidden[index - 1];
+                let hidden = &mut self.hidden[index - 1];
                 let (width, inner) = (layer.inputs, layer.outputs);
                 let finish = |row: usize, d: &mut [f32]| {
                     for (d, &row) in d.chunks_exact_mut(width).zip(&taken[row..]) {
+                        let kept = part_mut(&mut hidden.kept, row, 1, width);
                         if shape.layer_norm {
-                            let normalised = part(&hidden.normalised, row, 1, width);
-                            norm::norm_relu_backward(d, normalised, hidden.inverse_std[row]);
+                            norm::norm_relu_backward(d, kept, hidden.inverse_std[row]);
+                            if wanted.parameters {
+                                kernel::relu(kept);
+                            }
                         } else {
-                            kernel::relu_backward(d, part(&hidden.activation, row, 1, width));
+                            kernel::relu_backward(d, kept);
                         }
                     }
                 };
+                let above_at = if index + 1 < shape.layers().len() { at } else { from };
                 through(
-                    part(&above[0], from, count, inner),
+                    part(&above[0], above_at, count, inner),
                     &turned[layer.weight.clone()],
                     inner,
-                    part_mut(below, from, count, width),
+                    part_mut(below, at, count, width),
                     finish,
                 );
             }
             if columns > 0 {
                 through(
-                    part(&self.deltas[0], from, count, first.outputs),
+                    part(&self.deltas[0], at, count, first.outputs),
                     &self.turned_input,
                     first.outputs,
                     part_mut(&mut self.d_input, from, count, columns),
@@ -312,7 +319,7 @@ impl Half {
     fn below(&self, layer: usize) -> &[f32] {
         match layer.checked_sub(1) {
             None => &self.input,
-            Some(hidden) => &self.hidden[hidden].activation,
+            Some(hidden) => &self.hidden[hidden].kept,
         }
     }
 }
