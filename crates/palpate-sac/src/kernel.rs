@@ -104,6 +104,20 @@ pub(crate) fn add_rows(d: &[f32], sums: &mut [f32]) {
     );
 }
 
+/// Each row of `to` becomes its number of `x` times `y`.
+pub(crate) fn outer(x: &[f32], y: &[f32], to: &mut [f32]) {
+    vectorised(
+        #[inline(always)]
+        || {
+            for (x, to) in x.iter().zip(to.chunks_exact_mut(y.len())) {
+                for (to, y) in to.iter_mut().zip(y) {
+                    *to = x * y;
+                }
+            }
+        },
+    );
+}
+
 /// Factors of one Adam step (Kingma & Ba 2015, Algorithm 1, with the bias corrections taken out of the loop).
 #[derive(Clone, Copy)]
 pub(crate) struct AdamStep {

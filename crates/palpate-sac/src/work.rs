@@ -339,8 +339,17 @@ fn through(
     turned: &[f32],
     inner: usize,
     below: &mut [f32],
-    finish: impl FnMut(usize, &mut [f32]),
+    mut finish: impl FnMut(usize, &mut [f32]),
 ) {
+    if inner == 1 {
+        for (block, (delta, below)) in
+            delta.chunks(BLOCK).zip(below.chunks_mut(BLOCK * turned.len())).enumerate()
+        {
+            kernel::outer(delta, turned, below);
+            finish(block * BLOCK, below);
+        }
+        return;
+    }
     let (columns, start) = (turned.len() / inner, Start::Zero);
     let (left, right, stride, output) = (Left::Rows(delta), turned, columns, below);
     Product { left, right, stride, inner, start, columns, output, finish }.run();
