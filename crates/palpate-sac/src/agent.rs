@@ -4,6 +4,7 @@ use candle_core::Tensor;
 use rand::Rng;
 
 use crate::error::{check_length, check_vector};
+use crate::heap;
 use crate::learner::{Batch, Learner};
 use crate::memory::{Drawn, Memory};
 use crate::replay::Return;
@@ -57,6 +58,7 @@ impl Sac {
                 return Err(SacError::Dimension { what, expected: 1, got });
             }
         }
+        heap::keep_room();
         let mut streams = Streams::new(seed);
         let learner = Learner::new(config, observation_dim, action_dim, &mut streams)?;
         Ok(Self {

@@ -56,6 +56,7 @@ mod diagnosis;
 mod error;
 #[cfg(test)]
 mod golden;
+mod heap;
 mod kernel;
 mod lanes;
 mod learner;
