@@ -2,6 +2,7 @@
 
 use candle_core::Tensor;
 use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 
 use crate::error::{check_length, check_vector};
 use crate::heap;
@@ -170,42 +171,32 @@ impl Sac {
     }
 
     fn draw_batch(&mut self) -> Result<Batch, SacError> {
-        let SacConfig { batch_size: rows, n_step, gamma, reward_scale, learn_from, .. } =
-            self.config;
-        let (o, a) = (self.observation_dim, self.action_dim);
-        // One column after the other: reads that do not wait for each other hide the distance to memory.
-        let Self { memory, streams, learner, .. } = self;
-        let drawn: Vec<Drawn<'_>> = memory.draw(rows, &mut streams.replay);
-        let returns: Vec<Return> =
-            drawn.iter().map(|(replay, slot)| replay.n_step(*slot, n_step, gamma)).collect();
-        let observation =
-            gather(rows * o, drawn.iter().map(|(replay, slot)| replay.observation(*slot)));
-        let action = gather(
-            rows * a,
-            drawn.iter().map(|(replay, slot)| match learn_from {
-                LearnFrom::Proposed => replay.action(*slot),
-                LearnFrom::Executed => replay.executed(*slot),
-            }),
+        let Self { config, memory, streams: Streams { replay, update, .. }, learner, .. } = self;
+        let (rows, a) = (config.batch_size, self.action_dim);
+        // The two streams have nothing to do with each other.
+        let (columns, [target_noise, actor_noise]) = learner.team().both(
+            || Columns::draw(config, memory, replay),
+            || {
+                [(); 2].map(|()| {
+                    let mut noise = vec![0.0; rows * a];
+                    fill_normal(update, &mut noise);
+                    noise
+                })
+            },
         );
-        let ends = drawn.iter().zip(&returns);
-        let bootstrap_observation =
-            gather(rows * o, ends.map(|((replay, _), r)| replay.next_observation(r.slot)));
-        let reward = returns.iter().map(|r| (reward_scale * r.reward) as f32).collect();
-        let discount = returns.iter().map(|r| r.discount as f32).collect();
         let device = learner.device();
-        let mut noise = || {
-            let mut noise = vec![0.0; rows * a];
-            fill_normal(&mut streams.update, &mut noise);
-            Tensor::from_vec(noise, (rows, a), device)
+        let matrix = |values: Vec<f32>| {
+            let width = values.len() / rows;
+            Tensor::from_vec(values, (rows, width), device)
         };
         Ok(Batch {
-            target_noise: noise()?,
-            actor_noise: noise()?,
-            observation: Tensor::from_vec(observation, (rows, o), device)?,
-            action: Tensor::from_vec(action, (rows, a), device)?,
-            reward: Tensor::from_vec::<_, f32>(reward, rows, device)?,
-            discount: Tensor::from_vec::<_, f32>(discount, rows, device)?,
-            bootstrap_observation: Tensor::from_vec(bootstrap_observation, (rows, o), device)?,
+            target_noise: matrix(target_noise)?,
+            actor_noise: matrix(actor_noise)?,
+            observation: matrix(columns.observation)?,
+            action: matrix(columns.action)?,
+            reward: Tensor::from_vec(columns.reward, rows, device)?,
+            discount: Tensor::from_vec(columns.discount, rows, device)?,
+            bootstrap_observation: matrix(columns.bootstrap_observation)?,
         })
     }
 
@@ -269,11 +260,43 @@ impl Sac {
     }
 }
 
-/// Rows one after the other, `size` numbers together.
-fn gather<'a>(size: usize, rows: impl Iterator<Item = &'a [f32]>) -> Vec<f32> {
-    let mut values = Vec::with_capacity(size);
-    for row in rows {
-        values.extend_from_slice(row);
+/// What a batch holds of the memory, a row each transition.
+struct Columns {
+    observation: Vec<f32>,
+    action: Vec<f32>,
+    reward: Vec<f32>,
+    discount: Vec<f32>,
+    bootstrap_observation: Vec<f32>,
+}
+
+impl Columns {
+    fn draw(config: &SacConfig, memory: &Memory, rng: &mut ChaCha8Rng) -> Self {
+        let SacConfig { batch_size, n_step, gamma, reward_scale, learn_from, .. } = *config;
+        // One column after the other: reads that do not wait for each other hide the distance to memory.
+        let drawn: Vec<Drawn<'_>> = memory.draw(batch_size, rng);
+        let returns: Vec<Return> =
+            drawn.iter().map(|(replay, slot)| replay.n_step(*slot, n_step, gamma)).collect();
+        let ends = drawn.iter().zip(&returns);
+        Self {
+            observation: gather(drawn.iter().map(|(replay, slot)| replay.observation(*slot))),
+            action: gather(drawn.iter().map(|(replay, slot)| match learn_from {
+                LearnFrom::Proposed => replay.action(*slot),
+                LearnFrom::Executed => replay.executed(*slot),
+            })),
+            reward: returns.iter().map(|r| (reward_scale * r.reward) as f32).collect(),
+            discount: returns.iter().map(|r| r.discount as f32).collect(),
+            bootstrap_observation: gather(
+                ends.map(|((replay, _), r)| replay.next_observation(r.slot)),
+            ),
+        }
     }
+}
+
+/// Rows one after the other.
+fn gather<'a>(rows: impl ExactSizeIterator<Item = &'a [f32]>) -> Vec<f32> {
+    let mut rows = rows.peekable();
+    let size = rows.len() * rows.peek().map_or(0, |row| row.len());
+    let mut values = Vec::with_capacity(size);
+    rows.for_each(|row| values.extend_from_slice(row));
     values
 }
