@@ -98,7 +98,7 @@ impl Learner {
         // Plain operations bring candle's own threads.
         let threads = if config.ops == Ops::Fused { config.update_threads() } else { 1 };
         let device = config.device.device()?;
-        let engine = Engine { ops: config.ops, device, team: Arc::new(Team::new(threads)?) };
+        let engine = Engine { ops: config.ops, device, team: Arc::new(Team::new(threads)) };
         let bounds = LogStd { min: config.log_std_min as f32, max: config.log_std_max as f32 };
         let actor_shape = Shape::new(observation_dim, &config.hidden, 2 * action_dim, false);
         let actor = initial_actor(&actor_shape, bounds.raw(config.init_std.ln() as f32), streams);

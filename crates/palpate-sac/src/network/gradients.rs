@@ -11,7 +11,7 @@ const HELD: usize = 3;
 const MOVING: usize = 2;
 
 fn engine(ops: Ops, threads: usize) -> Engine {
-    Engine { ops, device: Device::Cpu, team: Arc::new(Team::new(threads).unwrap()) }
+    Engine { ops, device: Device::Cpu, team: Arc::new(Team::new(threads)) }
 }
 
 fn draw(count: usize, stream: u64) -> Vec<f32> {
