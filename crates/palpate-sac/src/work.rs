@@ -284,17 +284,24 @@ impl Half {
 
     /// Decides which rows go backward and moves the gradient of their outputs to the front.
     ///
-    /// A row whose output has no gradient gives none to its input: of two critics, one is not the lower.
+    /// A row whose output has no gradient gives none to its input: of two critics, one is not the lower. Such rows
+    /// fill the last block, which costs less than a part of one.
     fn take_rows(&mut self, outputs: usize, all: bool) {
         let Self { rows, deltas, taken, .. } = self;
         taken.clear();
         let Some(delta) = deltas.last_mut() else { return };
+        let has_some = |d: &[f32]| all || d.iter().any(|d| *d != 0.0);
+        let count = delta.chunks_exact(outputs).filter(|d| has_some(d)).count();
+        let mut spare = count.next_multiple_of(BLOCK).min(*rows) - count;
         for row in 0..*rows {
             let here = row * outputs..(row + 1) * outputs;
-            if all || delta[here.clone()].iter().any(|d| *d != 0.0) {
-                delta.copy_within(here, taken.len() * outputs);
-                taken.push(row);
+            let fills = !has_some(&delta[here.clone()]);
+            if fills && spare == 0 {
+                continue;
             }
+            spare -= usize::from(fills);
+            delta.copy_within(here, taken.len() * outputs);
+            taken.push(row);
         }
     }
 
