@@ -1,7 +1,7 @@
 //! Time of one update and of one decision, at the size of the peg-insertion task.
 //!
-//! Observation 18, action 14, two hidden layers of 256, LayerNorm critics; everything an update
-//! needs is inside: replay, returns, noise, four networks forward, three backward, Adam, targets.
+//! Observation 18, action 14, two hidden layers (the preset's 128 units, and 256), LayerNorm critics; everything an
+//! update needs is inside: replay, returns, noise, four networks forward, three backward, Adam, targets.
 //! One thread: set `RAYON_NUM_THREADS=1 CANDLE_NUM_THREADS=1` for the plain operations to match.
 
 #![expect(clippy::unwrap_used, reason = "what cannot go on fails")]
@@ -16,10 +16,15 @@ use rand_chacha::ChaCha8Rng;
 const OBSERVATION: usize = 18;
 const ACTION: usize = 14;
 
-fn agent(ops: Ops, batch_size: usize) -> Sac {
+/// Units of a layer, as many as the batch has rows.
+const SIZES: [usize; 2] = [128, 256];
+
+fn agent(ops: Ops, size: usize) -> Sac {
     let config = SacConfig {
         ops,
-        batch_size,
+        threads: 1,
+        hidden: vec![size; 2],
+        batch_size: size,
         updates_per_step: 1,
         replay_capacity: 20_000,
         warmup_steps: u64::MAX,
@@ -48,30 +53,32 @@ fn agent(ops: Ops, batch_size: usize) -> Sac {
 
 fn update(c: &mut Criterion) {
     let mut group = c.benchmark_group("update");
-    for batch in [128, 256] {
+    for size in SIZES {
         for ops in [Ops::Fused, Ops::Plain] {
-            let mut agent = agent(ops, batch);
-            let name = format!("{ops:?}/{batch}").to_lowercase();
+            let mut agent = agent(ops, size);
+            let name = format!("{ops:?}/{size}").to_lowercase();
             group.bench_function(name, |b| b.iter(|| agent.update().unwrap()));
         }
     }
 }
 
 fn decision(c: &mut Criterion) {
-    let mut agent = agent(Ops::Fused, 128);
-    for _ in 0..200 {
-        agent.update().unwrap();
+    for size in SIZES {
+        let mut agent = agent(Ops::Fused, size);
+        for _ in 0..200 {
+            agent.update().unwrap();
+        }
+        let mut policy = agent.policy();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let observation = [0.3; OBSERVATION];
+        let mut action = [0.0; ACTION];
+        c.bench_function(&format!("policy/mean/{size}"), |b| {
+            b.iter(|| policy.mean(black_box(&observation), &mut action));
+        });
+        c.bench_function(&format!("policy/sample/{size}"), |b| {
+            b.iter(|| policy.sample(black_box(&observation), &mut rng, &mut action));
+        });
     }
-    let mut policy = agent.policy();
-    let mut rng = ChaCha8Rng::seed_from_u64(3);
-    let observation = [0.3; OBSERVATION];
-    let mut action = [0.0; ACTION];
-    c.bench_function("policy/mean", |b| {
-        b.iter(|| policy.mean(black_box(&observation), &mut action));
-    });
-    c.bench_function("policy/sample", |b| {
-        b.iter(|| policy.sample(black_box(&observation), &mut rng, &mut action));
-    });
 }
 
 criterion_group!(benches, update, decision);
