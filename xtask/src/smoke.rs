@@ -90,6 +90,7 @@ impl Smoke {
         self.inherit(&cut, updates)?;
         let policies = self.evaluate(&cut)?;
         self.interrupt_evaluation(&cut)?;
+        self.interrupt_demonstration()?;
         let figures = self.plot(&cut)?;
         Ok(format!(
             "killed and interrupted run equals the straight one; {policies} policies evaluated; {figures} figures"
@@ -142,6 +143,17 @@ impl Smoke {
             "an interrupted evaluation: {rows:?} {said}"
         );
         Ok(())
+    }
+
+    /// Ctrl-C: what was shown by then can be learned from.
+    fn interrupt_demonstration(&self) -> anyhow::Result<()> {
+        let file = self.dir.join("shown.safetensors");
+        let mut command = self.palpate(&["demonstrate", "--episodes", "1000000", "--out"]);
+        let mut child = self.start(command.arg(&file))?;
+        std::thread::sleep(Duration::from_secs(3));
+        interrupt(&mut child)?;
+        let mut pupil = self.palpate(&["train-sim", "--steps", "150", "--demonstrations"]);
+        self.finish(pupil.arg(&file).arg("--out").arg(self.dir.join("pupil")))
     }
 
     /// On all cores; and, as recordings are made, on one: the same figures.

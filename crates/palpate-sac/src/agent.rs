@@ -200,6 +200,14 @@ impl Sac {
         })
     }
 
+    /// Draws from another seed from now on; the one it has changes nothing.
+    pub fn reseed(&mut self, seed: u64) {
+        if seed != self.seed {
+            self.seed = seed;
+            self.streams = Streams::new(seed);
+        }
+    }
+
     /// A copy of the policy as it is now.
     pub fn policy(&self) -> Policy {
         self.policy.clone()

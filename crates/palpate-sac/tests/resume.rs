@@ -151,6 +151,26 @@ fn threads_may_be_others_after_loading() {
 }
 
 #[test]
+fn a_loaded_agent_draws_from_the_seed_it_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Run::new(3);
+    run.go(60);
+    run.agent.save(folder.path()).unwrap();
+    let gone_on = |seed| {
+        let mut agent = Sac::load(folder.path()).unwrap();
+        agent.reseed(seed);
+        let mut heir = Run { agent, observation: run.observation };
+        heir.go(30);
+        bytes(&heir.agent)
+    };
+    let same = gone_on(3);
+    assert_ne!(gone_on(4), same);
+    assert_ne!(gone_on(4), gone_on(5));
+    run.go(30);
+    assert_eq!(same, bytes(&run.agent));
+}
+
+#[test]
 fn saving_and_loading_keeps_demonstrations_and_danger() {
     // Before the first update, and before and after there is danger to draw.
     for at in [0, 40, 100] {

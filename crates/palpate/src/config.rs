@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use palpate_control::{ControlConfig, ForceLoop, PolicyModel};
 use palpate_env::{EnvConfig, Reference, RewardConfig, TaskConfig};
-use palpate_runs::config::{Layer, nearest, parse, resolve};
+use palpate_runs::config::{Layer, parse, resolve};
 use palpate_sac::SacConfig;
 use palpate_safety::SafetyConfig;
 use palpate_sim::{SimArm, SimConfig};
@@ -13,27 +13,9 @@ use palpate_ur::UrConfig;
 
 use crate::record::RecordConfig;
 
-macro_rules! assets {
-    ($folder:literal, $extension:literal: $($name:literal),+ $(,)?) => {
-        &[$(($name, include_str!(concat!("../../../assets/", $folder, "/", $name, ".", $extension)))),+]
-    };
-}
+mod assets;
 
-/// Named texts compiled into the binary.
-pub type Assets = &'static [(&'static str, &'static str)];
-
-/// Presets, by name.
-pub const PRESETS: Assets = assets!("presets", "toml": "palpate", "paper");
-/// Tasks, by name.
-pub const TASKS: Assets = assets!(
-    "tasks", "toml": "peg-insertion", "peg-insertion-sharp", "ring-insertion", "pulley-insertion"
-);
-/// Policy models, by name.
-pub const MODELS: Assets = assets!("policies", "toml": "p-6", "p-9", "p-14", "p-19", "p-24", "a-8", "a-13", "a-13pd", "a-18");
-/// Studies, by name.
-pub const STUDIES: Assets = assets!("studies", "toml": "paper", "learner", "tight", "conditions");
-/// Robot descriptions, by name.
-pub const ROBOTS: Assets = assets!("robots", "urdf": "ur3e", "ur5e", "ur10e");
+pub use assets::{Assets, MODELS, PRESETS, ROBOTS, STUDIES, TASKS, asset};
 
 /// Tables with optional keys.
 const OPEN: &[&str] = &["policy", "ur"];
@@ -193,6 +175,7 @@ impl Config {
         layers.extend(file);
         let mut set: Vec<String> = arm.map_or_else(Vec::new, place_of);
         set.extend_from_slice(&choice.set);
+        not_by_name(&set, &choice.task.to_lowercase())?;
         let resolved = resolve(&base, &layers, &set, OPEN)?;
         let mut config: Self = parse(resolved)?;
         if idle {
@@ -263,8 +246,12 @@ impl Config {
             config.validate()?;
             Ok(config)
         };
+        let unchanged = read(&[], &[]);
+        if let Ok(unchanged) = &unchanged {
+            not_by_name(&set, &unchanged.task.name)?;
+        }
         read(&layers, &set).map_err(|error| {
-            if read(&[], &[]).is_ok() {
+            if unchanged.is_ok() {
                 return error; // What was laid over the run's own text is to blame.
             }
             error.context(format!(
@@ -346,6 +333,20 @@ fn by_axes(warnings: impl Iterator<Item = String>) -> Vec<String> {
     groups.into_iter().map(sentence).collect()
 }
 
+/// Refuses to give a task the name of another built-in one, which would change nothing else.
+fn not_by_name(set: &[String], task: &str) -> anyhow::Result<()> {
+    let names = set.iter().filter_map(|entry| entry.split_once('='));
+    for (_, name) in names.filter(|(key, _)| key.trim() == "task.name") {
+        let name = name.trim().trim_matches(['"', '\'']);
+        if name != task && TASKS.iter().any(|(known, _)| *known == name) {
+            bail!(
+                "task.name={name} would not make {task} that task: choose it with --task {name}, or, going on from another run, with --config assets/tasks/{name}.toml"
+            );
+        }
+    }
+    Ok(())
+}
+
 /// Where the arm is, as overrides: the command line says it, whatever files say.
 fn place_of(arm: &UrConfig) -> Vec<String> {
     vec![format!("ur.host={:?}", arm.host), format!("ur.ports.rtde={}", arm.ports.rtde)]
@@ -367,22 +368,6 @@ fn names_an_arm(text: &str) -> bool {
 fn arm_text(arm: &UrConfig) -> anyhow::Result<String> {
     let text = toml::to_string(arm).context("cannot write the arm's settings as TOML")?;
     Ok(format!("\n[ur]\n{}", nest(&text, "ur")))
-}
-
-/// Finds a named text, or says which exist.
-pub fn asset(kind: &str, assets: Assets, name: &str) -> anyhow::Result<&'static str> {
-    let wanted = name.to_lowercase();
-    if let Some((_, text)) = assets.iter().find(|(n, _)| *n == wanted) {
-        return Ok(text);
-    }
-    let names: Vec<&str> = assets.iter().map(|(n, _)| *n).collect();
-    match nearest(&wanted, names.iter().copied()) {
-        Some(near) => bail!(
-            "there is no {kind} `{name}`; did you mean `{near}`? There are: {}",
-            names.join(", ")
-        ),
-        None => bail!("there is no {kind} `{name}`. There are: {}", names.join(", ")),
-    }
 }
 
 /// Puts a text's tables below `parent`: `[gains.force]` becomes `[parent.gains.force]`.

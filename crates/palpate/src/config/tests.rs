@@ -25,6 +25,22 @@ fn every_preset_task_and_model_makes_a_configuration() {
 }
 
 #[test]
+fn a_task_is_not_changed_by_its_name() {
+    let named = |name: &str| {
+        let set = format!("task.name={name}");
+        Config::load(&choice("palpate", "peg-insertion", "P-14", &[&set]))
+    };
+    let error = named("ring-insertion").unwrap_err().to_string();
+    assert!(error.contains("--task ring-insertion"), "{error}");
+    let mine = named("my-peg").unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("config.toml"), mine.to_toml().unwrap()).unwrap();
+    let set = ["task.name=peg-insertion-sharp".to_owned()];
+    let error = Config::of_run(dir.path(), &set).unwrap_err().to_string();
+    assert!(error.contains("would not make my-peg that task"), "{error}");
+}
+
+#[test]
 fn a_resolved_configuration_reads_back_as_itself() {
     let config =
         Config::load(&choice("palpate", "peg-insertion", "A-18", &["run.seed=7"])).unwrap();

@@ -220,10 +220,17 @@ fn planned(folder: &Folder) -> anyhow::Result<String> {
     blocks.dedup();
     blocks.sort_unstable();
     blocks.dedup();
-    for block in blocks {
-        let of = || folder.plan.iter().filter(|run| run.block == block);
-        let steps: u64 = of().map(|run| run.steps).sum();
-        _ = writeln!(text, "  {block}: {} runs, {steps} steps", of().count());
+    let mut line = |name: &str, of: &dyn Fn(&Planned) -> bool| {
+        let runs: Vec<u64> =
+            folder.plan.iter().filter(|run| of(run)).map(|run| run.steps).collect();
+        let steps: u64 = runs.iter().sum();
+        _ = writeln!(text, "  {name}: {} runs, {steps} steps", runs.len());
+    };
+    for block in &blocks {
+        line(block, &|run| run.block == *block);
+    }
+    if blocks.len() > 1 {
+        line("all", &|_| true);
     }
     let path = path.display();
     let dir = folder.path.display();

@@ -97,7 +97,8 @@ pub(crate) fn heir<R: Guarded>(
         .with_context(|| format!("cannot read {}", path.display()))?;
     let worth = past::inheritable(&then, config)
         .with_context(|| format!("the learner of {} stays as it is", run.display()))?;
-    let agent = Sac::load_on(&checkpoint, config.sac.threads)?;
+    let mut agent = Sac::load_on(&checkpoint, config.sac.threads)?;
+    agent.reseed(config.run.seed);
     evaluate::check_shape(&agent.policy(), env)?;
     let remark = |change| {
         format!("warning: {change}: what the learner remembers was rewarded and scaled otherwise")
