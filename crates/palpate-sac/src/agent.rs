@@ -154,7 +154,7 @@ impl Sac {
             return Ok(None);
         }
         let team = self.learner.team();
-        let mean = team.enter(|| self.updates_of_a_step())??;
+        let mean = team.enter(|| self.updates_of_a_step())?;
         self.learner.actor.copy_parameters(self.policy.parameters_mut())?;
         Ok(Some(mean))
     }

@@ -44,9 +44,6 @@ pub enum SacError {
         /// Updates done before.
         update: u64,
     },
-    /// The threads of an update could not be started.
-    #[error("cannot start two threads ({0}); sac.threads = 1 needs none")]
-    Threads(String),
     /// There is no GPU to compute with.
     #[error(
         "sac.device = \"cuda\": {0}; it takes an NVIDIA GPU with its driver and a build with --features cuda"

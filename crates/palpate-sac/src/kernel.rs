@@ -104,14 +104,14 @@ pub(crate) fn add_rows(d: &[f32], sums: &mut [f32]) {
     );
 }
 
-/// Each row of `to` becomes its number of `x` times `y`.
+/// Each row of `to` becomes its number of `x` times `y`, added to zero: a chain of one term.
 pub(crate) fn outer(x: &[f32], y: &[f32], to: &mut [f32]) {
     vectorised(
         #[inline(always)]
         || {
             for (x, to) in x.iter().zip(to.chunks_exact_mut(y.len())) {
                 for (to, y) in to.iter_mut().zip(y) {
-                    *to = x * y;
+                    *to = x * y + 0.0;
                 }
             }
         },

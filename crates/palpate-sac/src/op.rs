@@ -21,7 +21,7 @@ use crate::work::{Wanted, Work};
 #[derive(Debug, Default)]
 pub(crate) struct Area {
     work: Work,
-    /// Counts forward passes: a backward pass must find the values of its own.
+    /// Counts passes that write: a backward pass must find the values of its own forward pass.
     passes: u64,
     /// Whether the gradient belongs to a backward pass that nobody has used yet.
     fresh: bool,
@@ -119,7 +119,7 @@ impl Part {
         team: Option<&Team>,
     ) -> Result<()> {
         if area.passes != self.pass.load(Ordering::Relaxed) {
-            bail!("backward of a network whose work area holds a later forward pass");
+            bail!("backward of a network whose work area holds a later pass");
         }
         let (inputs, outputs) = (self.shape.inputs(), self.shape.outputs());
         let width = d_output.dim(1)?;
@@ -136,7 +136,11 @@ impl Part {
         };
         let (p_storage, p_layout) = parameters.storage_and_layout();
         area.work.backward(&self.shape, contiguous(cpu(&p_storage)?, p_layout)?, &wanted, team);
-        area.fresh |= call.train;
+        if call.train {
+            area.fresh = true;
+            // What the forward pass left has been used up.
+            area.passes += 1;
+        }
         Ok(())
     }
 }

@@ -241,6 +241,8 @@ impl Half {
         for from in (0..self.taken.len()).step_by(CHUNK).rev() {
             let count = CHUNK.min(self.taken.len() - from);
             let at = if wanted.parameters { from } else { 0 };
+            // The gradient of the output is where it was put.
+            let place = |layer: usize| if layer + 1 < shape.layers().len() { at } else { from };
             let taken = &self.taken[from..from + count];
             for (index, layer) in shape.layers().iter().enumerate().skip(1).rev() {
                 let (below, above) = self.deltas.split_at_mut(index);
@@ -260,9 +262,8 @@ impl Half {
                         }
                     }
                 };
-                let above_at = if index + 1 < shape.layers().len() { at } else { from };
                 through(
-                    part(&above[0], above_at, count, inner),
+                    part(&above[0], place(index), count, inner),
                     &turned[layer.weight.clone()],
                     inner,
                     part_mut(below, at, count, width),
@@ -271,7 +272,7 @@ impl Half {
             }
             if columns > 0 {
                 through(
-                    part(&self.deltas[0], at, count, first.outputs),
+                    part(&self.deltas[0], place(0), count, first.outputs),
                     &self.turned_input,
                     first.outputs,
                     part_mut(&mut self.d_input, from, count, columns),
@@ -284,8 +285,8 @@ impl Half {
 
     /// Decides which rows go backward and moves the gradient of their outputs to the front.
     ///
-    /// A row whose output has no gradient gives none to its input: of two critics, one is not the lower. Such rows
-    /// fill the last block, which costs less than a part of one.
+    /// A row whose output has no gradient gives none to its input: of two critics, one is not the lower. Some such rows
+    /// go along where the others fill no whole block: a block costs less than a part of one.
     fn take_rows(&mut self, outputs: usize, all: bool) {
         let Self { rows, deltas, taken, .. } = self;
         taken.clear();

@@ -10,8 +10,8 @@ use rayon::{ThreadPool, Yield};
 
 use super::spread;
 
-/// How often the second thread is given way to before the first begins alone.
-const PATIENCE: u32 = 200;
+/// How often the second thread is given way to before the first begins without it.
+const YIELDS: u32 = 200;
 /// How long it stays awake for the next update: longer than a simulated step takes.
 const LINGER: Duration = Duration::from_millis(1);
 
@@ -45,9 +45,16 @@ impl Watch {
             pool.spawn(move || watch.0.watch());
             // Woken on this processor it would not run before this thread is taken off it.
             let called = |_: &u32| state.second.load(SeqCst) == CALLED;
-            (0..PATIENCE).take_while(called).for_each(|_| yield_now());
+            (0..YIELDS).take_while(called).for_each(|_| yield_now());
         }
         work()
+    }
+}
+
+#[cfg(test)]
+impl Watch {
+    pub(super) fn is_awake(&self) -> bool {
+        self.0.second.load(SeqCst) == AWAKE
     }
 }
 
