@@ -20,7 +20,7 @@ const NAME: &str = "learner-2";
 /// How often the first thread looks for the end of the second one's piece before it gives way to others.
 const LOOKS: u32 = 10_000;
 /// Waiting for the second thread for longer than this, and for longer than working, says that it has no processor.
-const HELD_UP: Duration = Duration::from_millis(1);
+const HELD_UP: Duration = Duration::from_millis(2);
 /// How many calls the first thread does alone at most before it asks again.
 const ALONE: u32 = 256;
 
