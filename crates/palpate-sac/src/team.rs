@@ -143,7 +143,7 @@ impl Second {
                     yield_now();
                 }
             }
-            self.judge(worked, began.elapsed() - worked);
+            self.judge(worked, began.elapsed().saturating_sub(worked));
             here
         });
         let Some(there) = there else { unreachable!("a scope ends after what was spawned in it") };
