@@ -211,8 +211,8 @@ mod tests {
     #[test]
     fn a_piece_that_has_pieces_does_them_itself() {
         let team = Team::new(2);
-        let (_, (a, b)) = team.both(|| (), || threads(&team));
-        assert_eq!(a, b);
+        let (first, (a, b)) = team.both(|| current().id(), || threads(&team));
+        assert!(first != a && a == b);
     }
 
     #[test]
