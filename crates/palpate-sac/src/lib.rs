@@ -32,7 +32,8 @@
 //!
 //! - [`Sac`] acts, remembers, learns, saves; [`Policy`] is its actor alone, for the control loop.
 //! - `learner` is one update, top to bottom: critics, actor, temperature, targets.
-//! - `network` computes a network through `op` (fused: `mlp` over `kernel`) or plain candle.
+//! - `network` computes a network through `op` (fused: `work`, over `product`, `norm` and `kernel`) or plain candle;
+//!   `team` is the threads that do it.
 //! - `squash` is the tanh-Gaussian; `replay` the ring and its n-step returns; `memory` the shares of a batch:
 //!   own experience, demonstrations, danger; `diagnosis` says how the learner is; `checkpoint` the files (through `tensors`).
 //!
@@ -42,9 +43,10 @@
 //! - Every random number comes from one of four ChaCha8 streams of the seed, saved with the agent.
 //! - With the feature `cuda` and [`Processor::Cuda`] candle computes the updates on an NVIDIA GPU, by plain
 //!   operations; Adam's steps are taken on the CPU, where its moments are saved from.
-//! - With [`Ops::Fused`] everything runs on the calling thread. candle's matrix product and its
-//!   element-wise operations on 65,536 numbers or more use thread pools; the fused operations keep
-//!   such work inside their own loops, so that no pool is ever started, whatever
+//! - With [`Ops::Fused`] everything runs on the calling thread and, where [`SacConfig::threads`] is 2, on one of our own, which has
+//!   the priority of the first caller of [`Sac::update`], stays awake for a millisecond after an update and is left out while
+//!   others have its processor. candle's matrix product and its element-wise operations on 65,536 numbers or more use thread pools;
+//!   the fused operations keep such work inside their own loops, so that none of these is ever started, whatever
 //!   `RAYON_NUM_THREADS` and `CANDLE_NUM_THREADS` say. ([`Ops::Plain`] does start them; and a batch
 //!   times action dimension of 65,536 would.)
 
