@@ -92,15 +92,9 @@ pub fn run(
         .collect::<anyhow::Result<Vec<_>>>()?;
     let dim = envs[0].action_dim();
     let mut actors = Vec::new();
-    for (name, folder) in
-        [("learned (last)", palpate_runs::LAST), ("learned (kept)", palpate_runs::BEST)]
-    {
-        if let Some(path) = CheckpointStore::open(dir)?.find(folder)? {
-            let policy = Policy::load(&path)
-                .with_context(|| format!("cannot load the policy in {}", path.display()))?;
-            check_shape(&policy, &envs[0])?;
-            actors.push((name, Actor::learned(policy, options.stochastic.then_some(options.seed))));
-        }
+    for (name, policy) in learned(dir)? {
+        check_shape(&policy, &envs[0])?;
+        actors.push((name, Actor::learned(policy, options.stochastic.then_some(options.seed))));
     }
     if actors.is_empty() {
         anyhow::bail!("{} holds no checkpoint yet: train for longer, or resume it", dir.display());
@@ -146,6 +140,25 @@ pub fn run(
         lost if lost.is_empty() => Ok(rows),
         lost => anyhow::bail!("{}", lost.join("\n")),
     }
+}
+
+/// The last and the kept policy of a run, as far as it has them; once if they are the same.
+fn learned(dir: &Path) -> anyhow::Result<Vec<(&'static str, Policy)>> {
+    let load = |folder| {
+        let path = CheckpointStore::open(dir)?.find(folder)?;
+        let load = |path: &PathBuf| {
+            Policy::load(path)
+                .with_context(|| format!("cannot load the policy in {}", path.display()))
+        };
+        path.as_ref().map(load).transpose()
+    };
+    Ok(match (load(palpate_runs::LAST)?, load(palpate_runs::BEST)?) {
+        (Some(last), Some(kept)) if last == kept => vec![("learned (last, kept)", last)],
+        (last, kept) => [("learned (last)", last), ("learned (kept)", kept)]
+            .into_iter()
+            .filter_map(|(name, policy)| Some((name, policy?)))
+            .collect(),
+    })
 }
 
 /// Runs episodes 0 … n−1 with one policy. An interrupt ends it early, at an episode's end.
@@ -251,7 +264,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 /// The rows as a table for people.
 pub fn table(rows: &[Row]) -> String {
     let mut out = String::from(
-        "policy           success (95 % interval)   return  steps  median s  force mean / peak median / max N  collisions  refused ik / speed\n",
+        "policy               success (95 % interval)   return  steps  median s  force mean / peak median / max N  collisions  refused ik / speed\n",
     );
     for r in rows {
         let seconds = r.median_seconds.map_or_else(|| "–".into(), |s| format!("{s:.2}"));
@@ -267,7 +280,7 @@ pub fn table(rows: &[Row]) -> String {
         let refused = format!("{} / {}", r.tally.no_ik, r.tally.joint_speed);
         let _ = writeln!(
             out,
-            "{:<16} {success:<24} {:>7.1} {:>6.1}  {seconds:>8}  {force:<33} {:>10}  {refused}",
+            "{:<20} {success:<24} {:>7.1} {:>6.1}  {seconds:>8}  {force:<33} {:>10}  {refused}",
             r.policy, r.mean_return, r.mean_steps, r.collisions
         );
     }
@@ -279,7 +292,7 @@ pub fn table(rows: &[Row]) -> String {
             let given: Vec<_> =
                 given.map(|(cause, n)| format!("{} {:.1}", cause.name(), per(n))).collect();
             let given = if given.is_empty() { "none".into() } else { given.join(", ") };
-            let _ = writeln!(out, "{:<16} {given}", r.policy);
+            let _ = writeln!(out, "{:<20} {given}", r.policy);
         }
     }
     out
@@ -331,5 +344,31 @@ impl Counter {
         if self.live {
             let _ = write!(std::io::stderr(), "\r\x1b[K");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_runs::Slot;
+    use palpate_sac::{Sac, SacConfig};
+
+    use super::*;
+
+    #[test]
+    fn a_policy_that_is_last_and_kept_is_named_once() {
+        let run = tempfile::tempdir().unwrap();
+        let store = CheckpointStore::open(run.path()).unwrap();
+        let keep = |slot, seed| {
+            let agent = Sac::new(&SacConfig::default(), 3, 2, seed).unwrap();
+            store.save(slot, |dir| Ok(agent.save(dir)?)).unwrap();
+        };
+        let names = || learned(run.path()).unwrap().into_iter().map(|(name, _)| name);
+        keep(Slot::Step(100), 1);
+        assert!(names().eq(["learned (last)"]));
+        // Of the same step, and another: an arm's run that lost what came after a checkpoint.
+        keep(Slot::Best(100), 2);
+        assert!(names().eq(["learned (last)", "learned (kept)"]));
+        keep(Slot::Best(200), 1);
+        assert!(names().eq(["learned (last, kept)"]));
     }
 }
