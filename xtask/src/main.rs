@@ -76,8 +76,13 @@ fn run() -> anyhow::Result<ExitCode> {
     let mut args = std::env::args_os().skip(1);
     let command = args.next().unwrap_or_else(|| "help".into());
     let rest: Vec<OsString> = args.collect();
+    let asked = rest.iter().any(|arg| arg == "-h" || arg == "--help");
     match command.to_str() {
         Some("help" | "-h" | "--help") => print!("{HELP}"),
+        // What there is to say of these is said there.
+        Some("test" | "ci" | "tidy" | "bench" | "stability" | "view" | "examples") if asked => {
+            print!("{HELP}");
+        }
         Some("--help-palpate") => return palpate::exec(&["--help".into()]),
         Some("test") => test::command(&rest)?,
         Some("ci") => return Ok(ci::command(&rest)),

@@ -57,7 +57,10 @@ impl Writer {
         config: &Config,
     ) -> anyhow::Result<Self> {
         File::create_new(path).with_context(|| {
-            format!("cannot begin {}: demonstrations replace no file", path.display())
+            format!(
+                "cannot begin {}: demonstrations replace no file, take another --out",
+                path.display()
+            )
         })?;
         let (mut journal, _) = Journal::open(path)?;
         let header = Header {

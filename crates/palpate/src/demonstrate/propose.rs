@@ -216,7 +216,7 @@ impl Observed {
             "  force      {f:.1} N, {t:.2} N m in the largest axis: limits of {force:.0} N, {torque:.1} N m would do for it"
         );
         out.push_str(if self.gains.is_empty() {
-            "  gains      left at their base by the source: these demonstrations cannot tell\n"
+            "  gains      left at their base by the source: which would do, these demonstrations cannot tell\n"
         } else {
             "  gains      chosen by the source: --propose writes their ranges\n"
         });
