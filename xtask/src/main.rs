@@ -76,13 +76,8 @@ fn run() -> anyhow::Result<ExitCode> {
     let mut args = std::env::args_os().skip(1);
     let command = args.next().unwrap_or_else(|| "help".into());
     let rest: Vec<OsString> = args.collect();
-    let asked = rest.iter().any(|arg| arg == "-h" || arg == "--help");
     match command.to_str() {
-        Some("help" | "-h" | "--help") => print!("{HELP}"),
-        // What there is to say of these is said there.
-        Some("test" | "ci" | "tidy" | "bench" | "stability" | "view" | "examples") if asked => {
-            print!("{HELP}");
-        }
+        Some(name) if explained_here(name, &rest) => print!("{HELP}"),
         Some("--help-palpate") => return palpate::exec(&["--help".into()]),
         Some("test") => test::command(&rest)?,
         Some("ci") => return Ok(ci::command(&rest)),
@@ -103,4 +98,28 @@ fn run() -> anyhow::Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether to explain all commands: on request, and for those that do not explain themselves.
+fn explained_here(command: &str, rest: &[OsString]) -> bool {
+    let asked = rest.iter().any(|arg| arg == "-h" || arg == "--help");
+    match command {
+        "help" | "-h" | "--help" => true,
+        "test" | "ci" | "tidy" | "bench" | "stability" | "view" | "examples" => asked,
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn asking_for_help_starts_nothing() {
+        let help = |command| explained_here(command, &["--fast".into(), "--help".into()]);
+        assert!(help("bench") && help("ci") && explained_here("help", &[]));
+        // The binary explains these.
+        assert!(!help("train-sim") && !help("torture"));
+        assert!(!explained_here("bench", &[]));
+    }
 }

@@ -100,7 +100,7 @@ impl Smoke {
     /// A new run begins with the learner of another, which had done so many updates.
     fn inherit(&self, run: &Path, before: f64) -> anyhow::Result<()> {
         let heir = self.dir.join("heir");
-        let mut command = self.palpate(&["train-sim", "--steps", "150", "--set"]);
+        let mut command = self.palpate(&["train-sim", "--steps", "150", "--seed", "8", "--set"]);
         command.arg("sim.hole.chamfer=0").arg("--from").arg(run).arg("--out").arg(&heir);
         self.finish(&mut command)?;
         let metrics = fs::read_to_string(heir.join(CURVES[0]))?;
@@ -110,6 +110,9 @@ impl Smoke {
             after > before && steps < 600.0,
             "{steps} steps of an heir: {after} updates after {before}"
         );
+        let first = checkpoints(&heir).pop().context("an heir without a checkpoint")?;
+        let state = fs::read_to_string(heir.join("checkpoints").join(first).join("state.json"))?;
+        ensure!(state.contains("\"seed\": 8,"), "an heir draws by its parent's seed");
         let refused = command.args(["--set", "sac.n_step=1"]).output()?;
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
         ensure!(said.contains("sac.n_step was 5 and is 1"), "another learner is inherited: {said}");
@@ -147,7 +150,7 @@ impl Smoke {
 
     /// Ctrl-C: what was shown by then can be learned from.
     fn interrupt_demonstration(&self) -> anyhow::Result<()> {
-        let file = self.dir.join("shown.safetensors");
+        let file = self.dir.join("shown.demo");
         let mut command = self.palpate(&["demonstrate", "--episodes", "1000000", "--out"]);
         let mut child = self.start(command.arg(&file))?;
         std::thread::sleep(Duration::from_secs(3));

@@ -175,7 +175,7 @@ impl Config {
         layers.extend(file);
         let mut set: Vec<String> = arm.map_or_else(Vec::new, place_of);
         set.extend_from_slice(&choice.set);
-        not_by_name(&set, &choice.task.to_lowercase())?;
+        not_by_name(&set, || Some(choice.task.to_lowercase()))?;
         let resolved = resolve(&base, &layers, &set, OPEN)?;
         let mut config: Self = parse(resolved)?;
         if idle {
@@ -246,12 +246,9 @@ impl Config {
             config.validate()?;
             Ok(config)
         };
-        let unchanged = read(&[], &[]);
-        if let Ok(unchanged) = &unchanged {
-            not_by_name(&set, &unchanged.task.name)?;
-        }
+        not_by_name(&set, || read(&[], &[]).ok().map(|run| run.task.name))?;
         read(&layers, &set).map_err(|error| {
-            if unchanged.is_ok() {
+            if read(&[], &[]).is_ok() {
                 return error; // What was laid over the run's own text is to blame.
             }
             error.context(format!(
@@ -334,11 +331,12 @@ fn by_axes(warnings: impl Iterator<Item = String>) -> Vec<String> {
 }
 
 /// Refuses to give a task the name of another built-in one, which would change nothing else.
-fn not_by_name(set: &[String], task: &str) -> anyhow::Result<()> {
+fn not_by_name(set: &[String], task: impl Fn() -> Option<String>) -> anyhow::Result<()> {
     let names = set.iter().filter_map(|entry| entry.split_once('='));
     for (_, name) in names.filter(|(key, _)| key.trim() == "task.name") {
         let name = name.trim().trim_matches(['"', '\'']);
-        if name != task && TASKS.iter().any(|(known, _)| *known == name) {
+        let known = TASKS.iter().any(|(known, _)| *known == name);
+        if let Some(task) = task().filter(|task| known && name != *task) {
             bail!(
                 "task.name={name} would not make {task} that task: choose it with --task {name}, or, going on from another run, with --config assets/tasks/{name}.toml"
             );

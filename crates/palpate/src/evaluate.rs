@@ -144,13 +144,10 @@ pub fn run(
 
 /// The last and the kept policy of a run, as far as it has them; once if they are the same.
 fn learned(dir: &Path) -> anyhow::Result<Vec<(&'static str, Policy)>> {
-    let load = |folder| {
-        let path = CheckpointStore::open(dir)?.find(folder)?;
-        let load = |path: &PathBuf| {
-            Policy::load(path)
-                .with_context(|| format!("cannot load the policy in {}", path.display()))
-        };
-        path.as_ref().map(load).transpose()
+    let load = |folder| -> anyhow::Result<Option<Policy>> {
+        let Some(path) = CheckpointStore::open(dir)?.find(folder)? else { return Ok(None) };
+        let policy = Policy::load(&path);
+        policy.map(Some).with_context(|| format!("cannot load the policy in {}", path.display()))
     };
     Ok(match (load(palpate_runs::LAST)?, load(palpate_runs::BEST)?) {
         (Some(last), Some(kept)) if last == kept => vec![("learned (last, kept)", last)],
